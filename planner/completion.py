@@ -1,11 +1,12 @@
-"""Complete plans: the state at the beginning of each step, and the contacts that are meant in it.
+"""Complete plans: the state at the beginning of each step, and its intended contacts.
 
-A planner states both as it adds a step (`planner.pick_place.plan_builder`). A plan that was written
-by hand, or read from a file of version 3, gets them here, from its start and its steps alone:
+A planner states both as it adds a step (`planner.pick_place.plan_builder`). For a plan that was
+written by hand, or read from a file of version 3, they are derived here, from its start and its
+steps alone:
 
-- on the straight line right before the fingers close on a body, and on the one right after they let
-  it go, the hand may come near it, and its pads touch it where they cannot but;
-- what is held may touch what it stood on in the first move, and what it will stand on in the last.
+- on the straight line just before the fingers close on a body, and on the one just after they
+  release it, the hand may come near the body, and its pads may touch it where that is unavoidable;
+- a held body may touch its previous support in the first move, and its next one in the last.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def complete(
     """A plan with the state and the contacts of every step.
 
     Args:
-        plan: what shall be done.
+        plan: the plan to complete.
         state: robot and bodies before its first step; the plan's own when not given.
         manipulator: the arm that it is for; that of the stock robot when not given.
 
@@ -51,11 +52,7 @@ def complete(
 
 
 def manipulator_for(plan: Plan, manipulator: Manipulator | None) -> Manipulator:
-    """The arm that a plan is for: the one given, or that of the stock robot.
-
-    Raises:
-        TaskError: when it is of another class, or the other arm.
-    """
+    """The arm that a plan is for: the given one, or that of the stock robot."""
     arm = Manipulator.of(Baxter.load(), plan.limb) if manipulator is None else manipulator
     if expect(arm, Manipulator, "manipulator", TaskError).arm.side != plan.limb:
         raise TaskError(f"the plan is for the {plan.limb} arm, the manipulator is the other one")
@@ -63,33 +60,21 @@ def manipulator_for(plan: Plan, manipulator: Manipulator | None) -> Manipulator:
 
 
 def move_contexts(plan: Plan, manipulator: Manipulator) -> tuple[CollisionContext, ...]:
-    """What surrounds the arm in every move, as the step says it; the plan is completed if need be.
-
-    Raises:
-        TaskError: when a gripper action contradicts the state.
-    """
+    """The collision context of every move, as stated by its step; completes the plan if needed."""
     if any(step.state is None for step in plan):
         plan = complete(plan, manipulator=manipulator)
     return tuple(manipulator.at(state_of(move), move.contacts) for move in plan.moves)
 
 
 def state_of(step: Step) -> State:
-    """Robot and bodies at the beginning of a step of a complete plan.
-
-    Raises:
-        TaskError: when the step does not say it.
-    """
+    """Robot and bodies at the beginning of a step of a complete plan."""
     if step.state is None:
         raise TaskError(f"{step.label}: the state is not known; complete the plan by complete()")
     return step.state
 
 
 def after(step: Step, state: State, manipulator: Manipulator) -> State:
-    """Robot and bodies at the end of a step that begins in a state.
-
-    Raises:
-        TaskError: when a gripper action contradicts the state.
-    """
+    """Robot and bodies at the end of a step that begins in a state."""
     robot, arm, hand = manipulator.robot, manipulator.arm, manipulator.hand
     if isinstance(step, Move):
         return state.moved(robot, arm.joints(step.trajectory.q_goal))
@@ -110,12 +95,12 @@ def after(step: Step, state: State, manipulator: Manipulator) -> State:
 
 
 def during(contacts: Iterable[Contact], duration_s: float) -> tuple[Contact, ...]:
-    """Contacts of a whole step."""
+    """Contacts that last for a whole step."""
     return tuple(evolve(each, end_s=duration_s) for each in contacts)
 
 
 def of_grip(grip: Grip, state: State, end: State, manipulator: Manipulator) -> tuple[Contact, ...]:
-    """What may touch while the fingers act: hand and body, and a body that is pushed its supports.
+    """Contacts while the fingers act: of hand and body, and of a pushed body with its supports.
 
     Args:
         grip: the step.
@@ -164,13 +149,13 @@ def _is_close(step: Step | None) -> TypeGuard[Grip]:
 
 
 def _of_held(name: str, states: Iterable[State | None]) -> tuple[Contact, ...]:
-    """What a held body touches where it is taken and where it is put down."""
+    """Contacts of a held body where it is picked up and where it is put down."""
     scenes = [state.scene for state in states if state is not None]
     return Contact.of_supports(name, set().union(*(part_contacts(s[name], s) for s in scenes)))
 
 
 def _of_hand(name: str | None, state: State, manipulator: Manipulator) -> tuple[Contact, ...]:
-    """The open hand near a body that it closes on next, or has let go."""
+    """Contacts of the open hand with a body that it grasps next, or has released."""
     if name is None:
         return ()
     arm, hand = manipulator.arm, manipulator.hand

@@ -1,14 +1,14 @@
-"""What this layer raises; the root is `baxter_kin.errors.BaxterError`.
+"""Exceptions of this layer; the root is `baxter_kin.errors.BaxterError`.
 
 ```
 BaxterError
 └── PlannerError
-    ├── SceneError          a body, shape or name that makes no sense    (also ValueError)
-    ├── TrajectoryError     a motion that is none, or a bad sample time  (also ValueError)
+    ├── SceneError          an invalid body, shape or name               (also ValueError)
+    ├── TrajectoryError     an invalid motion or sample time             (also ValueError)
     ├── MotionError         states that no motion under the limits joins (also ValueError)
     │   ├── StraightMoveError   a line that the arm cannot follow to its end
-    │   └── FreeMoveError       an end that collides, or no way around what is between
-    ├── ResponseError       a response that no arm has, or data that tell none (also ValueError)
+    │   └── FreeMoveError       an end that collides, or no path around the obstacles
+    ├── ResponseError       an impossible response, or data that determine none (also ValueError)
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
     ├── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
     └── BodyFileError       the robot's body: data missing or of another version (also ValueError)
@@ -23,15 +23,15 @@ from baxter_kin import BaxterError
 
 
 class PlannerError(BaxterError):
-    """Root of what the planner raises."""
+    """Root of the planner's exceptions."""
 
 
 class SceneError(PlannerError, ValueError):
-    """A body, shape or name that makes no sense in a scene."""
+    """An invalid body, shape or name in a scene."""
 
 
 class TrajectoryError(PlannerError, ValueError):
-    """Numbers that are no motion, or a time outside it."""
+    """An invalid motion, or a time outside it."""
 
 
 class MotionError(PlannerError, ValueError):
@@ -42,8 +42,8 @@ class StraightMoveError(MotionError):
     """A straight line that the arm cannot follow to its end.
 
     Attributes:
-        fraction: how much of the line it can follow, 0..1.
-        reason: why no further, with names and numbers.
+        fraction: of the line that it can follow, 0..1.
+        reason: why it stops there, with names and numbers.
     """
 
     def __init__(self, fraction: float, reason: str) -> None:
@@ -53,11 +53,11 @@ class StraightMoveError(MotionError):
 
 
 class FreeMoveError(MotionError):
-    """An end that collides, or no way around what is between them; one sentence says which."""
+    """An end that collides, or no path around the obstacles; one sentence says which."""
 
 
 class ResponseError(PlannerError, ValueError):
-    """A response to set-points that no arm has, or measurements that tell none."""
+    """An impossible response to set-points, or measurements that determine none."""
 
 
 class TaskError(PlannerError, ValueError):
@@ -65,7 +65,7 @@ class TaskError(PlannerError, ValueError):
 
 
 class PlanFileError(PlannerError, ValueError):
-    """A plan that cannot be saved, or a file that holds none."""
+    """A plan that cannot be saved, or a file that contains none."""
 
 
 class BodyFileError(PlannerError, ValueError):
@@ -73,4 +73,4 @@ class BodyFileError(PlannerError, ValueError):
 
 
 class AtlasError(PlannerError, ValueError):
-    """A map that cannot be built, read or asked: its grid, its files, or what is asked of it."""
+    """A map that cannot be built, read or queried: its grid, its files, or the query."""

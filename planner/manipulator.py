@@ -33,7 +33,7 @@ def _finite(given: ArrayLike) -> FloatArray:
 
 @value(error=TaskError)
 class Manipulator:
-    """What planning for one arm needs to know.
+    """Everything needed to plan for one arm.
 
     Attributes:
         robot: the whole robot.
@@ -41,8 +41,8 @@ class Manipulator:
         ik: its inverse kinematics.
         hand: its fingers.
         shapes: the robot's shapes.
-        limits: what its moves may use; the arm's own when made by `of`.
-        q_others: a full configuration, shape (19,), that says where all other joints stand.
+        limits: limits of its moves; the arm's own when made by `of`.
+        q_others: a full configuration, shape (19,), with the positions of all other joints.
 
     Raises:
         TaskError: when a value is of another class.
@@ -77,9 +77,9 @@ class Manipulator:
     ) -> Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
 
-        Where `limits` are not given, they are the arm's own; `arm.limits.preset` knows others.
-        Where `q_others` is not given, the other arm is in neutral and its hand open, as in a new
-        world. Where `body` is not given, the robot is `RobotBody.load()`.
+        By default, `limits` are the arm's own (`arm.limits.preset` has others); in `q_others` the
+        other arm is in neutral and its hand is open, as in a new world; `body` is
+        `RobotBody.load()`.
 
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".
@@ -101,22 +101,17 @@ class Manipulator:
 
     @property
     def identity(self) -> RobotIdentity:
-        """Which robot it is, with the body that it is taken to be."""
+        """Identity of the robot, including the body that it is assumed to have."""
         return identity_of(self.robot, self.shapes.body)
 
     @property
     def finger_m(self) -> float:
-        """How far the fingers of the arm are open at first, as `q_others` says, 0 .. stroke."""
+        """Initial opening of the arm's fingers, from `q_others`, 0 .. stroke."""
         index = self.robot.indices(self.hand.joint_names)[0]
         return float(np.clip(self.q_others[index], 0.0, self.hand.stroke_m))
 
     def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[FloatArray]:
-        """Full configurations, shape (19,), for arm configurations, shape (m, 7).
-
-        Raises:
-            ConfigurationError: when `qs` has another shape, something is not finite, or the fingers
-                are outside their stroke.
-        """
+        """Full configurations, shape (19,), for arm configurations, shape (m, 7)."""
         count = float_array(qs, "qs", ConfigurationError).size // 7
         fingers = self.hand.finger_joints(finger_m)
         full = np.array(self.q_others)
@@ -137,16 +132,16 @@ class Manipulator:
         supports: Iterable[PartContact | str] = (),
         margin_m: float = 0.0,
     ) -> CollisionContext:
-        """The arm in a situation: among bodies, with what it holds and may touch.
+        """The arm in a situation: the bodies around it, what it holds, and what it may touch.
 
         Args:
-            scene: all bodies; they stand still, but for the held one.
-            finger_m: how far its fingers are open; as `q_others` says when not given.
+            scene: all bodies; they do not move, except for the held one.
+            finger_m: opening of its fingers; by default as in `q_others`.
             touchable: name of a body that the hand may come near, to grasp it.
             may_press: whether its pads may touch that body.
             held: what the hand carries.
             supports: what the held body may touch, because it stood or will stand on it: pairs of
-                parts, as `part_contacts` gives them, or names of bodies, any part of which it may
+                parts, as `part_contacts` returns them, or names of bodies, any part of which it may
                 touch.
             margin_m: distance to keep from everything else, not negative.
 
@@ -172,15 +167,15 @@ class Manipulator:
     def at(
         self, state: State, contacts: Iterable[Contact] = (), *, margin_m: float = 0.0
     ) -> CollisionContext:
-        """The arm in a state, with what may come near or touch meanwhile.
+        """The arm in a state, with the contacts that are allowed during a step.
 
         Args:
-            state: where all joints and bodies are, and what the hands hold.
-            contacts: as a step has them.
+            state: positions of all joints and bodies, and what the hands hold.
+            contacts: as in a step.
             margin_m: distance to keep from everything else, not negative.
 
         Raises:
-            SceneError: when a contact is about a body that is not there.
+            SceneError: when a contact refers to a body that is not in the scene.
             ConfigurationError: when the state lacks a joint.
             MotionError: when the margin is not a number, or negative.
         """
@@ -202,7 +197,7 @@ class Manipulator:
 
 
 def _limits_of(arm: Arm, limits: JointLimits | None) -> JointLimits:
-    """The arm's own limits, or those given, which must be of its joints."""
+    """The arm's own limits, or the given ones, which must be of its joints."""
     if limits is None:
         return arm.limits
     names = expect(limits, JointLimits, "limits", TaskError).names

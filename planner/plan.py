@@ -1,4 +1,4 @@
-"""Plan: what an arm and its gripper do, step by step, and what every step came from."""
+"""Plan: the steps of an arm and its gripper, and where each step came from."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 SHOWN_RAD = 0.005
-"""A move that ends nearer to the answer of inverse kinematics than this ends there."""
+"""A move that ends closer than this to the solution of inverse kinematics ends there."""
 
 
 def _finite_numbers(given: object) -> FrozenMapping[str, float]:
@@ -58,15 +58,15 @@ def _finite_numbers(given: object) -> FrozenMapping[str, float]:
 class Claim:
     """A property that a move is stated to have, for which `Move` has no field.
 
-    Plan files keep claims of every kind. `verify` certifies no plan with a claim of a kind that it
-    cannot check; at present there is none that it can.
+    Plan files keep claims of every kind. `verify` does not certify a plan with a claim of a kind
+    that it cannot check; at present it cannot check any.
 
     Attributes:
         kind: the name of the property, such as "upright".
         values: its numbers by name, in SI units.
 
     Raises:
-        TaskError: when `kind` is no string, or a value is not a finite number.
+        TaskError: when `kind` is not a string, or a value is not a finite number.
     """
 
     kind: str
@@ -78,19 +78,19 @@ class Claim:
 
 @value(error=TaskError)
 class Move:
-    """The arm goes to a waypoint.
+    """A motion of the arm to a waypoint.
 
     Attributes:
         label: stage and waypoint, such as "pick: approach".
-        trajectory: how it gets there.
-        T_base_tip: where the tip shall be; None for a move given in joint angles.
-        ik: what inverse kinematics answered for that pose; None for a move given in joint angles.
+        trajectory: the motion.
+        T_base_tip: target pose of the tip; None for a move given in joint angles.
+        ik: the result of inverse kinematics for that pose; None for a move given in joint angles.
             The move may end at another solution, `moved_rad` away.
-        clearance: the least distance that was met on the way, where it was checked.
-        proof: that the whole way is clear, where it was proven.
+        clearance: the smallest distance found on the way, where it was checked.
+        proof: the proof that the whole motion is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
-        state: robot and bodies at its beginning; None in a plan that is not completed.
-        contacts: what may come near or touch meanwhile, because that is meant.
+        state: robot and bodies at its beginning; None in a plan that is not complete.
+        contacts: intended contacts during the move.
         claims: further properties that it is stated to have.
     """
 
@@ -112,9 +112,9 @@ class Move:
 
     @property
     def moved_rad(self) -> float:
-        """How far the motion program led the joint that it moved most from the answer of `ik`.
+        """Maximum distance of a joint at the goal from the solution in `ik`.
 
-        Of all solutions of a pose it takes the one that makes the whole motion fastest.
+        Among all solutions of a pose, the motion program chooses the one with the fastest motion.
         """
         if self.ik is None or not self.ik.is_valid:
             return 0.0
@@ -122,7 +122,7 @@ class Move:
 
     @property
     def seed_label(self) -> str:
-        """Which seed led to the answer, and how far the move ends from it."""
+        """Which seed led to the solution, and how far from it the move ends."""
         if self.ik is None:
             return "(joint angles)"
         moved = f", optimised by {self.moved_rad:.2f} rad" if self.moved_rad > SHOWN_RAD else ""
@@ -135,7 +135,7 @@ class Move:
 
 
 class GripperAction(str, Enum):
-    """What a gripper can be told to do."""
+    """An action of a gripper."""
 
     OPEN = "open"
     CLOSE = "close"
@@ -148,16 +148,17 @@ class Grip:
     Attributes:
         label: stage and action, such as "pick: close".
         action: open or close.
-        body: name of the body it is about; None when the hand should be empty.
-        opening_m: finger position, 0 .. stroke, that an open goes to; None for all the way.
-        proof: that the fingers' whole travel is clear, with what they push, where it was proven.
-        state: robot and bodies at its beginning; None in a plan that is not completed.
-        contacts: what may come near or touch meanwhile, because that is meant.
-        limb: the arm whose gripper it is, "left" or "right"; a plan sets its own where this is "".
+        body: name of the body that is grasped or released; None for an empty hand.
+        opening_m: finger position after opening, 0 .. stroke; None for the full stroke.
+        proof: the proof that the fingers' whole travel is clear, including what they push, where it
+            was proven.
+        state: robot and bodies at its beginning; None in a plan that is not complete.
+        contacts: intended contacts during the action.
+        limb: the arm of the gripper, "left" or "right"; a plan sets its own where this is "".
 
     Raises:
-        TaskError: when a value is of another class, or the opening is not finite, is negative, or
-            is that of a close.
+        TaskError: when a value is of another class, or an opening is given that is not finite, is
+            negative, or belongs to a close.
     """
 
     label: str
@@ -196,11 +197,10 @@ class PlanFailure:
     Attributes:
         stage: the label of the step that has no solution.
         reason: why, with names and numbers.
-        ik: the answer that was invalid, when that was the reason.
-        tried: the failures of all ways that were tried, this one among them; empty for a single
-            one.
-        is_certain: whether no other way was worth trying.
-        contact: what would collide on the way, when that was the reason.
+        ik: the invalid result of inverse kinematics, if that was the reason.
+        tried: the failures of all attempts, including this one; empty for a single attempt.
+        is_certain: whether no other attempt was worthwhile.
+        contact: the collision on the way, if that was the reason.
         tallies: how many solutions of the pick and of the place collide, and with what, where any
             does.
     """
@@ -215,7 +215,7 @@ class PlanFailure:
 
     @property
     def colliding(self) -> frozenset[str]:
-        """The links and bodies that come too close to something in what was tried."""
+        """Links and bodies that came too close to something in any attempt."""
         near = None if self.contact is None else self.contact.nearest
         pairs = [] if near is None else [(near.first, near.second)]
         for tally in self.tallies:
@@ -231,28 +231,28 @@ class PlanFailure:
 
 @value(error=TaskError)
 class Plan:
-    """Steps in order. An invalid plan says why and must not be executed.
+    """Steps in order. An invalid plan states the reason and must not be executed.
 
-    In a complete plan every step has its state, and each follows from the one before, the first
-    being `start` itself. Of other steps, such as those of a plan that is given another start or
-    loses a step, states and contacts are left out; `complete` finds them.
+    In a complete plan every step has its state, each follows from the previous one, and the first
+    is `start` itself. Otherwise, for example when a plan gets another start or loses a step, states
+    and contacts are removed; `complete` derives them.
 
     Attributes:
         start: robot and bodies before the first step.
         steps: moves and gripper actions; of an invalid plan, those before the failed one, or none
-            where a waypoint cannot be reached at all.
+            where a waypoint is unreachable.
         failure: None, or why there is no plan.
-        robot: which robot it was made for; None when the maker did not say.
-        line_tolerance: how far the tip may be off the lines of its straight moves.
-        response: of the arm that it was proven to be clear on, and how it is to be sent to it; None
+        robot: the robot that it was made for; None if unknown.
+        line_tolerance: maximum distance of the tip from the lines of its straight moves.
+        response: of the arm for which it was proven clear, and how set-points are to be sent; None
             for an arm that follows exactly.
         limb: the arm that moves, "left" or "right"; that of its moves when not given.
 
     Raises:
         UnknownNameError: when there is no such limb.
         TaskError: when a step, failure, state or robot is of another class, there is neither limb
-            nor move, the state lacks a joint of the arm, or a move starts elsewhere than the arm
-            stands by then.
+            nor move, the state lacks a joint of the arm, or a move starts elsewhere than the
+            previous one ends.
     """
 
     start: State
@@ -280,35 +280,35 @@ class Plan:
 
     @property
     def q_start(self) -> FloatArray:
-        """Where the arm must stand before the first step, shape (7,), rad."""
+        """Configuration of the arm before the first step, shape (7,), rad."""
         return self.start.q(f"{self.limb}_{joint}" for joint in JOINTS)
 
     @property
     def is_valid(self) -> bool:
-        """Whether it may be executed."""
+        """Whether the plan may be executed."""
         return self.failure is None
 
     @property
     def moves(self) -> tuple[Move, ...]:
-        """The arm's moves alone."""
+        """The moves of the arm, without gripper actions."""
         return tuple(step for step in self if isinstance(step, Move))
 
     @property
     def motion_time_s(self) -> float:
-        """Sum of the moves' durations."""
+        """Total duration of the moves."""
         return sum(move.trajectory.duration for move in self.moves)
 
     @property
     def proven_clearance_m(self) -> float | None:
-        """What no pair of bodies gets closer than in any step that was proven; None when none was.
+        """Proven lower bound on the distance of any pair in any proven step; None without proofs.
 
-        Contacts on purpose left out, and hand and body where one grasps the other.
+        Intended contacts are excluded, and so are hand and body during a grasp.
         """
         return min((step.proof.proven_m for step in self if step.proof), default=None)
 
     @property
     def clearance(self) -> Clearance | None:
-        """The least distance of all moves and grips that were checked; None when none was."""
+        """The smallest distance of all checked moves and grips; None without any."""
         moves = [move.clearance for move in self.moves]
         grips = [step.proof.nearest for step in self if isinstance(step, Grip) and step.proof]
         return least(near for near in (*moves, *grips) if near is not None)
@@ -330,7 +330,7 @@ class Plan:
         return self.moves[0].limb
 
     def _states_follow(self) -> bool:
-        """Whether each state is as the step before leaves it, as far as that is plain to see."""
+        """Whether each state is consistent with the previous step, by a quick comparison."""
         states = [step.state for step in self.steps if step.state is not None]
         if not states:
             return True
@@ -356,7 +356,7 @@ class Plan:
 
 
 def _is_after(step: Step, state: State, following: State) -> bool:
-    """Whether one state may be at the end of a step that begins in another."""
+    """Whether one state can be the result of a step that begins in another."""
     if isinstance(step, Move):
         names, q_goal = step.trajectory.limits.names, step.trajectory.q_goal.tolist()
         there = dict(zip(names, q_goal, strict=True))
@@ -369,11 +369,11 @@ def _is_after(step: Step, state: State, following: State) -> bool:
     return all("gripper" in name for name in moved) and (grasped == 1) is is_close
 
 
-MOST_MEASURED = 64
-"""Solutions whose collisions are measured, which takes 1.6 ms each."""
+MAX_MEASURED = 64
+"""Maximum number of solutions whose collisions are measured, which takes 1.6 ms each."""
 
-MOST_NAMED = 3
-"""Pairs that are named in the sentence; the data has all."""
+MAX_NAMED = 3
+"""Maximum number of pairs named in the sentence; the data has all."""
 
 
 @value(error=TaskError, eq=True)
@@ -383,9 +383,9 @@ class CollisionCount:
     Attributes:
         first: link or body.
         second: link or body.
-        count: in how many solutions these two come closest.
-        distance_m: the greatest of their distances there: how near a miss it was. Negative when
-            they are inside each other.
+        count: number of solutions in which these two are the closest pair.
+        distance_m: their greatest distance in these solutions: the nearest miss. Negative for a
+            penetration.
     """
 
     first: str
@@ -395,7 +395,7 @@ class CollisionCount:
 
     @property
     def nearest(self) -> str:
-        """Who, and how deep or how far apart at best."""
+        """The pair, and its greatest distance."""
         distance_mm = 1e3 * self.distance_m
         if abs(self.distance_m) < SHOWN_M:
             gap = "touching"
@@ -412,10 +412,9 @@ class CollisionSummary:
 
     Attributes:
         stage: label of the move that would end there.
-        solutions: how many were looked at, evenly chosen from all samples.
-        collisions: what collides in the others, or is nearer than the margin, the most frequent
-            first.
-        margin_m: the distance that was asked for.
+        solutions: number of solutions examined, evenly chosen from all samples.
+        collisions: the pairs that collide or are closer than the margin, the most frequent first.
+        margin_m: the required distance.
     """
 
     stage: str
@@ -425,26 +424,23 @@ class CollisionSummary:
 
     @classmethod
     def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> CollisionSummary:
-        """Look at solutions in a situation.
+        """Examine solutions in a situation.
 
         Args:
             stage: label of the move that would end there.
             qs: the solutions, shape (n, 7), rad.
             around: the situation there.
-
-        Raises:
-            ConfigurationError: when a solution is malformed.
         """
         given = float_array(qs, "qs", ConfigurationError)
         solutions = given[
-            np.linspace(0, len(given) - 1, min(len(given), MOST_MEASURED)).round().astype(int)
+            np.linspace(0, len(given) - 1, min(len(given), MAX_MEASURED)).round().astype(int)
         ]
         blocked = [around.clearance(q) for q in solutions if not around.is_free(q)]
         return cls(stage, len(solutions), _counts(blocked), around.margin_m)
 
     @property
     def colliding(self) -> int:
-        """How many of them collide."""
+        """Number of solutions that collide."""
         return sum(collision.count for collision in self.collisions)
 
     def __str__(self) -> str:
@@ -454,10 +450,10 @@ class CollisionSummary:
             f"{collision.nearest} ({collision.count})"
             if len(self.collisions) > 1
             else collision.nearest
-            for collision in self.collisions[:MOST_NAMED]
+            for collision in self.collisions[:MAX_NAMED]
         ]
-        if len(self.collisions) > MOST_NAMED:
-            named.append(f"{len(self.collisions) - MOST_NAMED} other pairs")
+        if len(self.collisions) > MAX_NAMED:
+            named.append(f"{len(self.collisions) - MAX_NAMED} other pairs")
         return f"{share} IK solutions {self._verb}: {'; '.join(named)}"
 
     @property

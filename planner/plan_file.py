@@ -1,6 +1,6 @@
-"""Plans in files: everything needed to execute one, or to verify it later on another machine.
+"""Plan files: everything needed to execute a plan, or to verify it later on another machine.
 
-The file is JSON, UTF-8, of five entries or six:
+A file is JSON, UTF-8, with five or six entries:
 
 - `format`: "baxter-kin plan",
 - `version`: 4; another number when the same entries get another meaning,
@@ -12,12 +12,11 @@ The file is JSON, UTF-8, of five entries or six:
   where it was made for such an arm). SI units, radians, poses seen from base,
 - `states`: for each step, what of its state differs from that of the step before; empty for a plan
   that is not complete,
-- `certificate`, which may be missing: what `planner.certificate` checks the plan by.
+- `certificate`, optional: what `planner.certificate` checks the plan by.
 
-Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
-refused, as are versions but this and the third, files that are no plan, files of more than
-`LARGEST_FILE_BYTES` and plans of more than `MOST` of anything. A file is replaced at once or not at
-all.
+Reading a file creates only these values and executes no code from it. Truncated or edited files are
+refused, as are versions other than this one and the third, files that contain no plan, files larger
+than `MAX_FILE_BYTES` and plans that exceed `MAX_COUNTS`. A file is replaced atomically.
 """
 
 from __future__ import annotations
@@ -45,10 +44,10 @@ from planner.state import State
 FORMAT = "baxter-kin plan"
 VERSION = 4
 
-LARGEST_FILE_BYTES = 32 * 2**20
-"""A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
+MAX_FILE_BYTES = 32 * 2**20
+"""Maximum size of a plan file; one pick and place takes 0.03 MB."""
 
-MOST: Mapping[str, int] = FrozenMapping(
+MAX_COUNTS: Mapping[str, int] = FrozenMapping(
     {
         "steps": 1_000,
         "segments": 50_000,
@@ -57,8 +56,8 @@ MOST: Mapping[str, int] = FrozenMapping(
         "triangles": 500_000,
     }
 )
-"""Greatest size of a plan and its scene. One pick and place has 9 steps, 200 segments, 2 bodies of
-4 parts. What reading and checking a plan cost grows with these."""
+"""Maximum size of a plan and its scene. One pick and place has 9 steps, 200 segments, 2 bodies of 4
+parts. The cost of reading and checking a plan grows with these."""
 
 _NO_CHECKSUM = 64 * "0"
 _ENTRIES = ("format", "version", "sha256", "plan", "states")
@@ -67,7 +66,7 @@ _CERTIFICATE = "certificate"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Change:
-    """What of a state differs from another one."""
+    """Difference between two states."""
 
     joints: Mapping[str, float]
     T_base_bodies: Mapping[str, pin.SE3]
@@ -84,7 +83,7 @@ class _Change:
         return cls(joints, poses, after.attachments)
 
     def of(self, state: State) -> State:
-        """The state that it leads to."""
+        """The state that results from a change of another."""
         scene = state.scene
         for name, T_base_body in self.T_base_bodies.items():
             scene = scene.moved(name, T_base_body)
@@ -95,26 +94,26 @@ _Changes: TypeAlias = tuple[_Change, ...]
 
 
 def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | None = None) -> None:
-    """Write a plan to a file, which is replaced when it exists.
+    """Write a plan to a file, replacing an existing one.
 
     Args:
         plan: the plan.
         path: the file.
-        certificate: what `planner.verification.certificate_of` found for this plan.
+        certificate: the result of `planner.verification.certificate_of` for this plan.
 
     Raises:
-        PlanFileError: when it cannot be written, or the plan holds something that has no place in a
-            plan file.
+        PlanFileError: when it cannot be written, or the plan contains something that a plan file
+            cannot represent.
     """
     document = plan_document(plan)
     if certificate is not None:
         document[_CERTIFICATE] = dict(certificate)
     content = as_lines(document).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
-    if len(content) > LARGEST_FILE_BYTES:
+    if len(content) > MAX_FILE_BYTES:
         raise PlanFileError(
             f"the plan would take {len(content) / 2**20:.1f} MB; at most "
-            f"{LARGEST_FILE_BYTES >> 20} MB are read again: split it"
+            f"{MAX_FILE_BYTES >> 20} MB are read again: split it"
         )
     try:
         replace_file(path, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
@@ -123,11 +122,7 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
 
 
 def plan_document(plan: Plan) -> dict[str, Json]:
-    """What a plan file holds, without its checksum.
-
-    Raises:
-        PlanFileError: when the plan holds something that has no place in a plan file.
-    """
+    """The content of a plan file, without its checksum."""
     if not isinstance(plan, Plan):
         raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
     check_size(plan, plan.start, PlanFileError)
@@ -141,11 +136,11 @@ def plan_document(plan: Plan) -> dict[str, Json]:
 
 
 def load_plan(path: PathLike) -> Plan:
-    """The plan in a file.
+    """Read a plan from a file.
 
     Raises:
-        PlanFileError: when the file cannot be read, is damaged or edited, or holds no plan; says
-            which and what to do.
+        PlanFileError: when the file cannot be read, is damaged or edited, or contains no plan; says
+            which, and what to do.
     """
     try:
         return _plan(_content(path))
@@ -154,7 +149,7 @@ def load_plan(path: PathLike) -> Plan:
 
 
 def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
-    """Raise an error when a plan, or the scene of a state, is larger than `MOST` says."""
+    """Raise an error when a plan, or the scene of a state, exceeds `MAX_COUNTS`."""
     bodies = list(state.scene)
     parts = [part for body in bodies for part in body.parts]
     counts = {
@@ -165,9 +160,10 @@ def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
         "triangles": sum(len(p.shape.triangles) for p in parts if isinstance(p.shape, Mesh)),
     }
     for name, count in counts.items():
-        if count > MOST[name]:
+        if count > MAX_COUNTS[name]:
             raise error(
-                f"the plan and its scene have {count} {name}; at most {MOST[name]} can be checked"
+                f"the plan and its scene have {count} {name}; at most {MAX_COUNTS[name]} can be "
+                "checked"
             )
 
 
@@ -219,7 +215,7 @@ def _followed(plan: Plan, changes: _Changes) -> Plan:
 
 
 def _of_version_3(data: Any) -> Plan:
-    """A plan whose steps had no states, and whose limb and start stood beside its situation."""
+    """A plan of version 3: steps without states; limb and start beside a situation."""
     try:
         situation, limb = data["situation"], data["limb"]
         names = [f"{limb}_{joint}" for joint in JOINTS]
@@ -241,11 +237,11 @@ def _of_version_3(data: Any) -> Plan:
 def _content(path: PathLike) -> bytes:
     try:
         with open_to_read(path) as stream:
-            content = stream.read(LARGEST_FILE_BYTES + 1)
+            content = stream.read(MAX_FILE_BYTES + 1)
     except FileError as cause:
         raise PlanFileError(f"cannot be read: {cause.reason}") from cause
     except OSError as cause:
         raise PlanFileError(f"cannot be read: {cause.strerror}") from cause
-    if len(content) > LARGEST_FILE_BYTES:
-        raise PlanFileError(f"is larger than {LARGEST_FILE_BYTES >> 20} MB, so it is no plan")
+    if len(content) > MAX_FILE_BYTES:
+        raise PlanFileError(f"is larger than {MAX_FILE_BYTES >> 20} MB, so it is no plan")
     return content

@@ -1,10 +1,10 @@
 """Uniform cubic B-splines: motions with constant jerk in each of n equal intervals.
 
-Such a motion has n + 3 controls for every joint, of which four matter in an interval. At the knot i
-position, velocity and acceleration follow from the controls i, i + 1, i + 2, and so do bounds in
-between: a spline, and each of its derivatives, stays within the hull of the controls that matter
-(de Boor, "A Practical Guide to Splines", 1978, ch. IX to XI). Derivatives of n-th order are by the
-fraction of the duration; over its n-th power they are by time.
+Such a motion has n + 3 controls for every joint, four of which determine an interval. Position,
+velocity and acceleration at knot i follow from the controls i, i + 1, i + 2, and so do bounds in
+between: a spline and each of its derivatives stay within the convex hull of the controls involved
+(de Boor, "A Practical Guide to Splines", 1978, ch. IX to XI). Derivatives are with respect to the
+fraction of the duration; the n-th divided by the n-th power of the duration is the one by time.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ AT_KNOT = (
     np.array([-1.0, 0.0, 1.0]) / 2.0,
     np.array([1.0, -2.0, 1.0]),
 )
-"""Weights of three controls for position, velocity and acceleration at a knot, by intervals."""
+"""Weights of three controls for position, velocity and acceleration at a knot, per interval."""
 
 DIFFERENCES = (
     np.array([-1.0, 1.0]),
     np.array([1.0, -2.0, 1.0]),
     np.array([-1.0, 3.0, -3.0, 1.0]),
 )
-"""Weights of neighbouring controls for those of the first to the third derivative, likewise."""
+"""Weights of neighbouring controls for those of the first to third derivative, per interval."""
 
 
 def weights_at(fractions: FloatArray) -> FloatArray:
-    """Weights of the four controls of an interval, for its positions at fractions, (m,): (m, 4)."""
+    """Weights of the four controls of an interval at fractions of it, (m,): (m, 4)."""
     u = np.asarray(fractions)[:, None]
     powers = u ** np.arange(4)
     weights: FloatArray = powers @ _IN_INTERVAL
@@ -52,14 +52,14 @@ _IN_INTERVAL = (
     )
     / 6.0
 )
-"""Of the four controls, by powers of the fraction."""
+"""Coefficients of the powers of the fraction, for each of the four controls."""
 
 
 class Sketch(NamedTuple):
-    """A motion by some of its states, whether it keeps any limits or not.
+    """A motion given by some of its states, whether or not it keeps any limits.
 
     Attributes:
-        q: at n + 1 equal times, shape (n + 1, joints), rad.
+        q: at n + 1 equally spaced times, shape (n + 1, joints), rad.
         v_ends: at its start and its end, shape (2, joints), rad/s.
         duration_s: zero for a single configuration.
     """
@@ -70,23 +70,23 @@ class Sketch(NamedTuple):
 
     @classmethod
     def of(cls, trajectory: Trajectory, intervals: int) -> Sketch:
-        """Of a motion over n intervals."""
+        """Sample a motion over n intervals."""
         q, v, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, intervals + 1))
         return cls(q, v[[0, -1]], trajectory.duration)
 
     @classmethod
     def of_each(cls, trajectories: Iterable[Trajectory], intervals: Iterable[int]) -> list[Sketch]:
-        """Of several motions, each over its own number of intervals."""
+        """Sample several motions, each over its own number of intervals."""
         return [cls.of(*pair) for pair in zip(trajectories, intervals, strict=True)]
 
     @property
     def intervals(self) -> int:
-        """How many there are, n."""
+        """Number of intervals, n."""
         return len(self.q) - 1
 
     @property
     def controls(self) -> FloatArray:
-        """Of the spline that passes all of it, shape (n + 3, joints), rad."""
+        """Controls of the spline through all states, shape (n + 3, joints), rad."""
         count = len(self.q) + 2
         weights = np.zeros((count, count))
         for k in range(count - 2):
@@ -98,7 +98,7 @@ class Sketch(NamedTuple):
 
 
 def trajectory_of(controls: FloatArray, duration_s: float, limits: JointLimits) -> Trajectory:
-    """The motion that a spline is.
+    """Convert a spline to a trajectory.
 
     Args:
         controls: shape (n + 3, joints), rad.

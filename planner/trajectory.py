@@ -20,7 +20,7 @@ from baxter_kin.value_objects import count, line, seconds, shown, side_of
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
-"""Largest jump of q, v or a at a knot, in rad, rad/s, rad/s^2: rounding, not motion."""
+"""Maximum jump of q, v or a at a knot, in rad, rad/s, rad/s^2, due to rounding."""
 
 
 class JointState(NamedTuple):
@@ -38,7 +38,7 @@ class JointState(NamedTuple):
 
 
 class PeakRatios(NamedTuple):
-    """The greatest share of a limit that any joint uses at any time; 1 is the limit."""
+    """Maximum share of a limit that any joint uses at any time; 1 is the limit."""
 
     velocity: float
     acceleration: float
@@ -81,7 +81,7 @@ class Trajectory:
 
     @classmethod
     def stay(cls, q: ArrayLike, limits: JointLimits) -> Trajectory:
-        """The motion of no duration at `q`, shape (n,), rad.
+        """The motion of zero duration at `q`, shape (n,), rad.
 
         Raises:
             TrajectoryError: when `q` has another shape or is not finite.
@@ -98,22 +98,22 @@ class Trajectory:
 
     @property
     def q_start(self) -> FloatArray:
-        """First position, shape (n,), rad."""
+        """Initial position, shape (n,), rad."""
         first: FloatArray = self.q[0]
         return first
 
     @property
     def q_goal(self) -> FloatArray:
-        """Last position, shape (n,), rad."""
+        """Final position, shape (n,), rad."""
         last: FloatArray = self.q[-1]
         return last
 
     def sample(self, t: ArrayLike) -> JointState:
-        """The state at a time, or at many.
+        """The state at one time or at many.
 
         Args:
-            t: one time, or shape (m,); seconds, not negative. After its end a motion that ends at
-                rest stays at its goal.
+            t: one time, or shape (m,); seconds, not negative. A motion that ends at rest stays at
+                its goal after its end.
 
         Returns:
             Arrays of shape (n,) for one time, (m, n) for many.
@@ -132,28 +132,28 @@ class Trajectory:
         )
 
     def reversed(self) -> Trajectory:
-        """The same way back: the film run backwards, within the same limits."""
+        """The same path in reverse, within the same limits."""
         knots = self.duration - self.knots_s[::-1]
         backwards = self.q[::-1], -self.v[::-1], self.a[::-1], -self.j[::-1]
         return Trajectory(self.limits, knots, *backwards)
 
     @property
     def turning_times(self) -> FloatArray:
-        """Times at which some joint turns between two knots, shape (k,), s."""
+        """Times between knots at which a joint changes direction, shape (k,), s."""
         after = self._turns
         return (self.knots_s[:-1, None] + after)[after > 0.0]
 
     def position_extrema(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest position of each joint, exact; two arrays of shape (n,), rad."""
+        """Exact minimum and maximum position of each joint; two arrays of shape (n,), rad."""
         segments = np.arange(len(self.j))
         candidates = np.concatenate([self.q, *(self._advanced(segments, t).q for t in self._turns)])
         return candidates.min(axis=0), candidates.max(axis=0)
 
     def peak_ratios(self, limits: JointLimits | None = None) -> PeakRatios:
-        """The greatest velocity, acceleration and jerk over their limits, exact.
+        """Exact maxima of velocity, acceleration and jerk, relative to their limits.
 
         Args:
-            limits: others than the trajectory's own, of as many joints.
+            limits: to compare with instead of the trajectory's own; of as many joints.
         """
         bounds = self._comparable(self.limits if limits is None else limits)
         v = np.abs(np.concatenate([self.v, self.turning_velocities])) / bounds.v_max
@@ -175,9 +175,9 @@ class Trajectory:
 
     @property
     def _turns(self) -> FloatArray:
-        """How long after a knot each joint turns, at most twice, s, (2, m, n); 0 where it does not.
+        """Time from a knot to each reversal of a joint, (2, m, n), s; 0 where there is none.
 
-        The two roots of v + a t + j t^2 / 2, in the form that does not cancel.
+        The two roots of v + a t + j t^2 / 2, in the form without cancellation.
         """
         v, a, j = self.v[:-1], self.a[:-1], self.j
         root = np.sqrt(np.maximum(a * a - 2 * j * v, 0.0))
@@ -187,13 +187,13 @@ class Trajectory:
 
     @property
     def turning_velocities(self) -> FloatArray:
-        """Velocities where acceleration passes zero inside a segment, else at its start, (m, n)."""
+        """Velocities where acceleration is zero inside a segment, else at its start, (m, n)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             t = -self.a[:-1] / self.j
         return self._advanced(np.arange(len(self.j)), self._inside(t)).v
 
     def _inside(self, t: FloatArray) -> FloatArray:
-        """Times within their segment; zero, the knot itself, for those that are not."""
+        """Times within their segment; zero, the knot itself, for all others."""
         length = np.diff(self.knots_s)[:, None]
         return np.where((t > 0.0) & (t < length), t, 0.0)
 
@@ -247,13 +247,10 @@ class Trajectory:
 
 
 def joined(trajectories: Iterable[Trajectory]) -> Trajectory:
-    """One motion of several, each starting in the state where the one before ends.
+    """Concatenate motions, each starting in the state in which the previous one ends.
 
     Args:
-        trajectories: at least one; those of no duration leave no trace.
-
-    Raises:
-        TrajectoryError: when there is none, or q, v or a jump from one to the next.
+        trajectories: at least one; those of zero duration are skipped.
     """
     given = expect_all(trajectories, Trajectory, "the motions to join", TrajectoryError)
     if not given:

@@ -25,8 +25,8 @@ from numpy.polynomial import chebyshev
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.command_line import OneSentenceParser, whole_number
 from baxter_kin.validation import FloatArray
-from planner.motion.program.guess import followed
-from planner.motion.straight_line import LEAST_LENGTH, StraightLine
+from planner.motion.program.guess import follow
+from planner.motion.straight_line import MIN_LENGTH, StraightLine
 from planner.motion.straight_move import plan_straight_move
 from planner.trajectory import Trajectory
 
@@ -34,7 +34,7 @@ OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 SEGMENTS = 200
 DESCENT_M = 0.15
 GRASPS_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
-DEGREE, STEPS, FINER = 32, 400, 4
+DEGREE, MAX_STEPS, FINER = 32, 400, 4
 
 
 class Case(NamedTuple):
@@ -55,7 +55,7 @@ class Case(NamedTuple):
     @property
     def start(self) -> tuple[float, float, float]:
         """The fraction of the way at first, and its derivatives by time."""
-        return 0.0, self.speed_m_s / max(self.line.length_m, LEAST_LENGTH), 0.0
+        return 0.0, self.speed_m_s / max(self.line.length_m, MIN_LENGTH), 0.0
 
 
 def main() -> None:
@@ -149,8 +149,8 @@ def _guess(segments: int) -> FloatArray:
 def _coefficients(case: Case) -> FloatArray:
     """The path of least norm as Chebyshev polynomials in 2 s - 1, shape (DEGREE + 1, 7)."""
     s = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-    steps = np.unique(np.concatenate([s[1:], np.linspace(0.0, 1.0, STEPS + 1)[1:]]))
-    found = followed(case.arm, case.limits, case.q_start, case.line, steps.tolist())
+    steps = np.unique(np.concatenate([s[1:], np.linspace(0.0, 1.0, MAX_STEPS + 1)[1:]]))
+    found = follow(case.arm, case.limits, case.q_start, case.line, steps.tolist())
     qs = np.array([case.q_start, *found.qs])[np.searchsorted([0.0, *steps], s)]
     vandermonde = chebyshev.chebvander(2.0 * s - 1.0, DEGREE)
     return np.asarray(np.linalg.solve(vandermonde, qs), dtype=np.float64)

@@ -1,9 +1,9 @@
-"""A free move: from rest to rest around whatever stands in the way, proven clear.
+"""Free moves: from rest to rest around obstacles, proven clear.
 
-The straight joint line if it is clear. Else the motion program, led around what the line meets, and
-where that fails or is much slower, around what a way that OMPL finds meets; that way itself, at
-rest in each corner, if nothing else is clear. What decides is the caller's `is_clear`, asked about
-every motion before it is returned.
+The straight line in joint space, if it is clear. Otherwise the motion program, led around the
+obstacles on the line, and, where that fails or is much slower, around those on a path that OMPL
+finds; if nothing else is clear, that path itself, at rest in each corner. The caller's `is_clear`
+decides; it is called for every motion before it is returned.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
 DEFAULT_MARGIN_M = 0.005
-"""Distance kept between samples and obstacles, so that the motion between samples is clear too."""
+"""Distance between samples and obstacles, so that the motion between samples is clear too."""
 
 TIMEOUT_S = 5.0
-"""When to give up; a wall on the table takes a tenth of a second."""
+"""Maximum duration of a search; a wall on the table takes a tenth of a second."""
 
 INTERVALS = 32
-"""Of the program's spline."""
+"""Intervals of the program's spline."""
 
-ENOUGH = 1.02
-"""Motions that take no longer, times the straight line that nothing beats, are fast enough."""
+GOOD_ENOUGH = 1.02
+"""Motions are fast enough up to this multiple of the straight line's duration, a lower bound."""
 
-ROUNDS = 4
-"""Ways that are searched; each is looked at twice as closely as the one before, until one is proven
-clear."""
+MAX_SEARCHES = 4
+"""Maximum number of searches for a path; each samples twice as closely as the one before, until a
+motion is proven clear."""
 
-WAYS = 2
-"""Ways that are searched for a faster motion, once one is proven clear."""
+MAX_FASTER_SEARCHES = 2
+"""Maximum number of searches for a faster motion, once one is proven clear."""
 
 IsClear: TypeAlias = Callable[[Trajectory], bool]
 """Whether a whole motion is clear, also between samples."""
@@ -73,30 +73,30 @@ def plan_free_move(
     margin_m: float = DEFAULT_MARGIN_M,
     clip_start: bool = False,
 ) -> Trajectory:
-    """A fast motion from rest to rest that touches nothing, around obstacles if need be.
+    """A fast, collision-free motion from rest to rest, around obstacles if needed.
 
     Args:
         q_start: shape (7,), rad, inside the limits.
         q_goal: shape (7,), rad, inside the limits.
         limits: of the arm's joints.
-        context: what stands around the arm.
-        is_clear: the judge of a whole motion; no other is returned than it says yes to. The proof
-            that it keeps the context's margin when not given.
-        rng: where random numbers come from; the same ones make the same motion, as long as time is
-            not up. Always the same when not given.
-        timeout_s: when to give up searching for ways around; to make them fast takes its own time.
-        margin_m: distance to keep while searching; near start and goal, what they leave.
+        context: the surroundings of the arm.
+        is_clear: judges whole motions; only a motion that it accepts is returned. By default, the
+            proof that a motion keeps the context's margin.
+        rng: source of random numbers; the same ones give the same motion, unless the time expires.
+            By default, always the same.
+        timeout_s: maximum duration of the search for paths; optimising them takes additional time.
+        margin_m: distance to keep while searching; near start and goal, as far as these keep it.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
+            without a warning.
 
     Raises:
-        FreeMoveError: when start or goal collides, no way is found or proven, or OMPL would have to
-            search for one and is missing.
+        FreeMoveError: when start or goal collides, no path is found or proven, or OMPL would be
+            needed and is missing.
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
-        MotionError: when `limits`, `context`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
-            sense, or a joint is too slow for any motion.
+        MotionError: when `limits`, `context`, `is_clear`, `rng`, `timeout_s` or `margin_m` is
+            invalid, or a joint is too slow for any motion.
     """
     expect(limits, JointLimits, "limits", MotionError)
     seeds = np.random.default_rng(0) if rng is None else rng
@@ -133,7 +133,7 @@ def plan_free_move(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A search for a way around what a straight line meets."""
+    """A search for a motion around the obstacles on a straight line."""
 
     straight: Trajectory
     limits: JointLimits
@@ -144,13 +144,15 @@ class _Search:
     deadline_s: float
 
     def fastest(self) -> tuple[Trajectory | None, int]:
-        """The fastest motion that was found, and how many ways led to none that is clear."""
+        """The fastest motion found, and the number of paths without a clear motion."""
         ends = self.straight.q[[0, -1]]
         obstacles = self.context.obstacles(self.margin_m, ends)
         is_free = self.context.with_margin(self.margin_m, *ends).is_free
         found = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
         refused, ways, closeness = 0, 0, 1.0
-        while not self._is_enough(found) and ways < (ROUNDS if found is None else WAYS):
+        while not self._is_enough(found) and ways < (
+            MAX_SEARCHES if found is None else MAX_FASTER_SEARCHES
+        ):
             try:
                 corners = self._corners(is_free, EDGE_STEP_RAD / closeness)
             except MissingLibraryError as cause:
@@ -170,7 +172,7 @@ class _Search:
         return found, refused
 
     def _is_enough(self, found: Trajectory | None) -> bool:
-        return found is not None and found.duration <= ENOUGH * self.straight.duration
+        return found is not None and found.duration <= GOOD_ENOUGH * self.straight.duration
 
     def _led(self, obstacles: Obstacles, sketch: Sketch) -> Trajectory | None:
         """The first clear motion near a sketch, led around obstacles."""
@@ -180,7 +182,7 @@ class _Search:
             lambda sketches, near: program.solve(sketches, task, None, self.limits, near),
             [obstacles],
             [sketch],
-            enough_s=ENOUGH * self.straight.duration,
+            enough_s=GOOD_ENOUGH * self.straight.duration,
         )
         return next((motion for (motion,) in motions if self.is_clear(motion)), None)
 
@@ -205,7 +207,7 @@ def _program(joints: int) -> MotionProgram:
 
 
 def _through(corners: FloatArray, limits: JointLimits) -> Sketch:
-    """Along straight lines, without a stop; a guess."""
+    """A guess along straight lines without a stop."""
     times = np.cumsum([0.0, *rest_to_rest_s(np.diff(corners, axis=0), limits)])
     t = np.linspace(0.0, 1.0, INTERVALS + 1)
     at = times[-1] * t**2 * (3.0 - 2.0 * t)

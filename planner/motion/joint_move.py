@@ -1,12 +1,12 @@
-"""Time-optimal motion from one joint state to another (Ruckig enters here).
+"""Time-optimal motion from one joint state to another, by Ruckig.
 
 Ruckig (Berscheid and Kroeger 2021) finds the fastest motion under limits on velocity, acceleration
-and jerk. It checks little of what it is given, so everything is checked before: wrong sizes and
-NaN make it read out of bounds, and limits left unset count as infinite. Its position limits are
-ignored by the library, so the exact extrema of the result are compared with ours.
+and jerk. It hardly checks its input, so everything is checked before: wrong sizes and NaN make it
+read out of bounds, and unset limits count as infinite. The library ignores its position limits, so
+the exact extrema of the result are compared with ours.
 
-Between moving states each joint is planned on its own, with limits that are wider by rounding, and
-compared with the closed forms of `joint_profile`, which says why. Then all joints are given the
+Between moving states each joint is planned separately, with limits that are wider by rounding, and
+compared with the closed forms of `joint_profile`, which explains why. Then all joints get the
 duration of the slowest.
 """
 
@@ -29,68 +29,69 @@ from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import MotionError, TrajectoryError
 from planner.motion.joint_profile import (
     ROUNDING,
+    AxisState,
     Profile,
     Rates,
-    State,
     corrected,
     direct,
     through_rest,
 )
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
-SHORTEST_SEGMENT_S = 1e-12
-"""Phases shorter than this are rounding of Ruckig's and are dropped."""
+MIN_SEGMENT_S = 1e-12
+"""Shorter phases are due to Ruckig's rounding and are dropped."""
 
-LONGEST_MOTION_S = 7.6e3
-"""Ruckig computes no motion that takes longer."""
+MAX_MOTION_S = 7.6e3
+"""Maximum duration of a motion that Ruckig computes."""
 
-_TOO_LONG = f"it takes longer than {LONGEST_MOTION_S:g} s"
+_TOO_LONG = f"it takes longer than {MAX_MOTION_S:g} s"
 _TOO_LONG_CODE = "-101 "
-"""Ruckig's result code for that, which its Python binding does not know and stumbles over."""
+"""Ruckig's result code for that, which its Python binding does not know."""
 
 GOAL_TOLERANCE_RAD = CONTINUITY_TOLERANCE
-"""How far Ruckig's motion may miss its goal, by rounding; it then is made to end there exactly."""
+"""Maximum rounding error of the goal of Ruckig's motion, which is then made exact."""
 
 POSITION_TOLERANCE_RAD = 1e-9
-"""How far a motion may leave the position limits, by rounding."""
+"""Maximum violation of the position limits by rounding."""
 
 RATIO_TOLERANCE = ROUNDING
-"""How far a velocity, acceleration or jerk may exceed its limit, relative to it, by rounding."""
+"""Maximum violation of a limit of velocity, acceleration or jerk by rounding, relative to the
+limit."""
 
 _WIDENING = 1e-12, 0.5 * RATIO_TOLERANCE, 0.99 * RATIO_TOLERANCE
-"""By which shares limits are widened between moving states; the first is enough for most.
+"""Relative widening of the limits between moving states; the first is enough for most.
 
-A state sampled from a time-optimal motion lies on the boundary of what can be reached in the time
-that remains: rounding decides on which side, and on the wrong side the fastest motion may take
+A state sampled from a time-optimal motion lies on the boundary of what can be reached in the
+remaining time: rounding decides on which side, and on the wrong side the fastest motion may take
 seconds longer. Under wider limits the state lies inside. Where a motion needs the second, its
-samples may need the third.
-"""
+samples may need the third."""
 
 _DELAYS_S = 0.0, 1e-9, 1e-8, 1e-7
-"""Delays to try where Ruckig finds no profile of a given duration, next to its shortest."""
+"""Delays that are tried where Ruckig finds no profile of a given duration near its shortest."""
 
-_SAME_END = 0.2 * CONTINUITY_TOLERANCE
-"""By how much a joint may be off, in rad and rad/s, because it ends a little before the others."""
+_END_TOLERANCE = 0.2 * CONTINUITY_TOLERANCE
+"""Maximum error of a joint, in rad and rad/s, because it ends slightly before the others."""
 
 _EXACT = 1e-11
-"""By how much a profile may miss its goal, in rad, rad/s and rad/s^2; Ruckig allows itself 1e-8."""
+"""Maximum error of a profile at its goal, in rad, rad/s and rad/s^2; Ruckig accepts 1e-8."""
 
-_SAME_KNOT_S = 1e-14
-"""Knots of several joints that are closer are one; farther ones would matter at the end of a long
-motion: a jerk that lasts too long by dt moves the end by j dt t^2 / 2."""
+_MIN_KNOT_GAP_S = 1e-14
+"""Knots of several joints that are closer are merged. Merging more distant ones would matter at the
+end of a long motion: a jerk that lasts too long by dt moves the end by j dt t^2 / 2."""
 
-_ROUNDS = 50
-"""How often the duration is raised before each joint goes through rest; seven joints need a few."""
+_MAX_ROUNDS = 50
+"""How often the duration is raised before each joint passes through rest; seven joints need a
+few."""
 
-_FASTER_S = 1e-7
-"""A profile has to be faster by this to be preferred to one that is closer to the limits given."""
+_MIN_GAIN_S = 1e-7
+"""A profile must be faster by this to be preferred to one that is closer to the given limits."""
 
 
 ROUNDING_RAD = 1e-6
-"""How far outside the position limits a start or goal may be by rounding; it is moved inside."""
+"""Maximum violation of the position limits by a start or goal that is moved inside silently."""
 
 MAX_CLIP_RAD = 0.1
-"""How far outside its limits a real arm stands at most, as tucked ones do."""
+"""Maximum distance of a real arm from its limits, as of tucked arms."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -106,33 +107,33 @@ def plan_joint_move(
     a_goal: ArrayLike | None = None,
     clip_start: bool = False,
 ) -> Trajectory:
-    """The fastest motion between two joint states; from rest to rest unless said otherwise.
+    """The fastest motion between two joint states; from rest to rest by default.
 
-    The slowest joint sets the duration and all joints end together. From rest to rest they also
-    move in proportion, along a straight line in joint space, where the limits allow that in the
-    same time.
+    The slowest joint determines the duration, and all joints end together. From rest to rest they
+    also move in proportion, along a straight line in joint space, where the limits allow that in
+    the same time.
 
     A velocity or acceleration that exceeds its limit by at most `RATIO_TOLERANCE` of the limit is
-    moved to it, and so is a velocity that would exceed it once the acceleration has gone to zero.
-    The motion begins and ends in the states so given, and its rates exceed no limit by more than
-    the same share. Planning again and again from samples of the motion before is therefore fine.
+    reduced to it, and so is a velocity that would exceed it once the acceleration has reached zero.
+    The motion begins and ends in these states, and its rates exceed no limit by more than the same
+    share. Planning repeatedly from samples of the previous motion is therefore possible.
 
     Args:
         q_start: shape (n,), rad, inside the limits.
         q_goal: shape (n,), rad, inside the limits.
         limits: of those n joints.
-        v_start: shape (n,), rad/s; zero when not given, as the next three.
+        v_start: shape (n,), rad/s; zero by default, as the next three.
         a_start: shape (n,), rad/s^2.
         v_goal: shape (n,), rad/s.
         a_goal: shape (n,), rad/s^2.
         clip_start: whether a start up to `MAX_CLIP_RAD` outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than `ROUNDING_RAD`
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most `ROUNDING_RAD` always
+            is, without a warning.
 
     Raises:
         ConfigurationError: when a position has another shape, is not finite or outside the limits.
         MotionError: when a velocity or acceleration is malformed or above its limit, or when no
-            motion inside the limits joins the states within `LONGEST_MOTION_S`.
+            motion inside the limits joins the states within `MAX_MOTION_S`.
     """
     expect(limits, JointLimits, "limits", MotionError)
     q_first = checked_start(q_start, limits, clip_start=clip_start)
@@ -153,18 +154,14 @@ def plan_joint_move(
 def checked_start(
     q: ArrayLike, limits: JointLimits, what: str = "q_start", *, clip_start: bool = False
 ) -> FloatArray:
-    """Where a motion starts, inside the limits, shape (n,), rad.
+    """The start of a motion, moved inside the limits, shape (n,), rad.
 
     Args:
-        q: where the arm stands, shape (n,), rad.
+        q: initial configuration, shape (n,), rad.
         limits: of those n joints.
-        what: what messages call `q`.
+        what: name of `q` in messages.
         clip_start: whether a start up to `MAX_CLIP_RAD` outside the limits is moved to them, with a
-            warning in the log; a start outside by no more than `ROUNDING_RAD` always is, without.
-
-    Raises:
-        ConfigurationError: when `q` has another shape, is not finite or farther outside.
-        MotionError: when `clip_start` is not a bool.
+            warning in the log; a start outside by at most `ROUNDING_RAD` always is, without one.
     """
     clip_rad = MAX_CLIP_RAD if expect(clip_start, bool, "clip_start", MotionError) else 0.0
     given = finite_array(q, (len(limits.names),), what, ConfigurationError)
@@ -190,18 +187,15 @@ def checked_start(
 def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> FloatArray:
     """Durations of the fastest motions from rest to rest, shape (...,), s.
 
-    What `plan_joint_move` takes, a hundred times faster and for many ways at once. One joint
-    accelerates, cruises and brakes, each change of acceleration at full jerk. Short ways reach
-    neither the greatest acceleration nor velocity, longer ones the first, long ones both (Biagiotti
-    and Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008, section
-    3.4). The slowest joint sets the duration of all.
+    Those of `plan_joint_move`, a hundred times faster and vectorised. One joint accelerates,
+    cruises and brakes, with each change of acceleration at full jerk. Short motions reach neither
+    the maximum acceleration nor velocity, longer ones the former, long ones both (Biagiotti and
+    Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008, section
+    3.4). The slowest joint determines the duration.
 
     Args:
         displacement: of the joints, shape (..., n), rad, finite.
         limits: of those n joints.
-
-    Raises:
-        MotionError: when the last axis is none of n finite numbers.
     """
     names = expect(limits, JointLimits, "limits", MotionError).names
     way = np.abs(float_array(displacement, "displacement", MotionError))
@@ -251,7 +245,7 @@ def _checked_rate(
 
 
 def _problem(start: JointState, goal: JointState, limits: JointLimits) -> ruckig.InputParameter:
-    """From rest to rest, in proportion where the limits allow that in the same time."""
+    """Ruckig's problem; in proportion where the limits allow that in the same time."""
     problem = ruckig.InputParameter(len(limits.names))
     problem.current_position = start.q.tolist()
     problem.current_velocity = start.v.tolist()
@@ -269,12 +263,12 @@ def _problem(start: JointState, goal: JointState, limits: JointLimits) -> ruckig
 class _Joint(NamedTuple):
     """The task of one joint between moving states."""
 
-    start: State
-    goal: State
+    start: AxisState
+    goal: AxisState
     rates: Rates
 
     @classmethod
-    def moved_inside(cls, start: State, goal: State, rates: Rates) -> _Joint:
+    def moved_inside(cls, start: AxisState, goal: AxisState, rates: Rates) -> _Joint:
         """The task, with states that exceed a limit by rounding moved inside it."""
         widest = rates.widened(_WIDENING[-1])
         goal_backwards = widest.moved_inside(goal.reversed())
@@ -283,21 +277,21 @@ class _Joint(NamedTuple):
     def fastest(self, at_least_s: float = 0.0, soon_enough_s: float = 0.0) -> Profile:
         """The fastest profile found.
 
-        The first of `direct`, Ruckig's under the narrower limits and under the wider ones, and
+        The first of `direct`, Ruckig's under the narrower and under the wider limits, and
         `through_rest`, unless a later one is faster.
 
         Args:
-            at_least_s: what it must not take less than.
-            soon_enough_s: a profile that takes no longer is returned even if another is faster.
+            at_least_s: minimum duration.
+            soon_enough_s: a profile of at most this duration is returned even if another is faster.
         """
         found = []
         least_s = max(self.rates.least_s(self.start, self.goal), at_least_s, soon_enough_s)
         for profile in self._candidates(at_least_s):
-            if profile.duration <= least_s + _FASTER_S:
+            if profile.duration <= least_s + _MIN_GAIN_S:
                 return profile
             found.append(profile)
         least_s = min(profile.duration for profile in found)
-        return next(profile for profile in found if profile.duration <= least_s + _FASTER_S)
+        return next(profile for profile in found if profile.duration <= least_s + _MIN_GAIN_S)
 
     def _candidates(self, at_least_s: float) -> Iterator[Profile]:
         shortest = direct(*self)
@@ -310,24 +304,24 @@ class _Joint(NamedTuple):
         yield through_rest(*self, at_least_s)
 
     def lasting(self, duration: float, profile: Profile) -> Profile:
-        """A profile that does not take less than `duration`, given one that does."""
+        """A profile of at least `duration`, given a shorter one."""
         stretched = self.stretched(duration, profile)
         return stretched if self._fits(stretched, duration) else self.fastest(duration)
 
     def stretched(self, duration: float, profile: Profile) -> Profile:
-        """The profile made to take a little longer, if it can be corrected so."""
-        if duration - profile.duration > _FASTER_S:
+        """The profile, slightly lengthened if it can be corrected to that."""
+        if duration - profile.duration > _MIN_GAIN_S:
             return profile
         found = corrected(profile, self.start, self.goal, duration)
         return found if self._fits(found, duration) else profile
 
     @property
     def same_time_s(self) -> float:
-        """How much earlier than the others the joint may end and still end with them."""
-        return _SAME_END / max(self.rates.v, self.rates.a)
+        """How much earlier than the others the joint may end within the tolerance."""
+        return _END_TOLERANCE / max(self.rates.v, self.rates.a)
 
     def _by_ruckig(self, rates: Rates, at_least_s: float) -> Profile | None:
-        """Ruckig's profile, or None where it finds none or one that does not fit."""
+        """Ruckig's profile; None where it finds none, or one that does not fit."""
         problem = ruckig.InputParameter(1)
         problem.current_position, problem.target_position = [self.start.q], [self.goal.q]
         problem.current_velocity, problem.target_velocity = [self.start.v], [self.goal.v]
@@ -340,7 +334,7 @@ class _Joint(NamedTuple):
             with contextlib.suppress(MotionError):
                 (phases,) = _solved(problem, ("",)).profiles[0]
                 lengths_s = tuple(
-                    t if t > SHORTEST_SEGMENT_S else 0.0 for t in (*phases.brake.t, *phases.t)
+                    t if t > MIN_SEGMENT_S else 0.0 for t in (*phases.brake.t, *phases.t)
                 )
                 profile = Profile(lengths_s, (*phases.brake.j, *phases.j))
                 if self._miss(profile) > _EXACT:
@@ -350,7 +344,7 @@ class _Joint(NamedTuple):
         return None
 
     def _fits(self, profile: Profile, at_least_s: float) -> bool:
-        in_time = at_least_s - self.same_time_s <= profile.duration <= LONGEST_MOTION_S
+        in_time = at_least_s - self.same_time_s <= profile.duration <= MAX_MOTION_S
         return (
             in_time and self._miss(profile) <= _EXACT and profile.is_within(self.rates, self.start)
         )
@@ -367,16 +361,16 @@ def _between_moving_states(start: JointState, goal: JointState, limits: JointLim
     ]
     profiles = _in_the_same_time(joints)
     duration = max(profile.duration for profile in profiles)
-    if duration > LONGEST_MOTION_S:
+    if duration > MAX_MOTION_S:
         raise MotionError(f"no motion under the limits: {_TOO_LONG}")
     start, goal = (
         JointState(*np.array(states).T)
         for states in ([x.start for x in joints], [x.goal for x in joints])
     )
-    if duration <= SHORTEST_SEGMENT_S:
+    if duration <= MIN_SEGMENT_S:
         return _instant(goal, limits)
     phases = [(np.cumsum([0.0, *p.lengths_s]), np.array([*p.jerks, 0.0])) for p in profiles]
-    knots = _merged([begins for begins, _ in phases], duration, shortest_s=_SAME_KNOT_S)
+    knots = _merged([begins for begins, _ in phases], duration, shortest_s=_MIN_KNOT_GAP_S)
     middles = (knots[:-1] + knots[1:]) / 2
     states = []
     for joint, profile, (begins, jerks) in zip(joints, profiles, phases, strict=True):
@@ -389,22 +383,22 @@ def _between_moving_states(start: JointState, goal: JointState, limits: JointLim
     return _exact_trajectory(knots, at_knots, phases, (start, goal), limits)
 
 
-def _by_joint(state: JointState) -> list[State]:
-    return list(starmap(State, np.transpose(state).tolist()))
+def _by_joint(state: JointState) -> list[AxisState]:
+    return list(starmap(AxisState, np.transpose(state).tolist()))
 
 
 def _in_the_same_time(joints: list[_Joint]) -> list[Profile]:
     """The fastest profiles found that end together.
 
-    A joint may not be able to take a little longer than its fastest, because it would have to turn
-    round; then it takes much longer, and the others wait for it.
+    A joint may be unable to take slightly longer than its fastest motion without reversing; then it
+    takes much longer, and the others wait for it.
     """
     profiles = []
     duration = 0.0
     for joint in joints:
         profiles.append(joint.fastest(soon_enough_s=duration))
         duration = max(duration, profiles[-1].duration)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         duration = max(profile.duration for profile in profiles)
         last_s = [duration - joint.same_time_s for joint in joints]
         early = [i for i, p in enumerate(profiles) if p.duration < last_s[i]]
@@ -418,7 +412,7 @@ def _in_the_same_time(joints: list[_Joint]) -> list[Profile]:
 
 
 def _instant(state: JointState, limits: JointLimits) -> Trajectory:
-    """The motion of no duration."""
+    """The motion of zero duration."""
     none = np.zeros((0, len(limits.names)))
     return Trajectory(limits, np.zeros(1), state.q[None], state.v[None], state.a[None], none)
 
@@ -426,10 +420,10 @@ def _instant(state: JointState, limits: JointLimits) -> Trajectory:
 def _refuse_endless(start: JointState, goal: JointState, limits: JointLimits) -> None:
     least_s = np.abs(goal.q - start.q) / limits.v_max
     slowest = int(least_s.argmax())
-    if least_s[slowest] > LONGEST_MOTION_S:
+    if least_s[slowest] > MAX_MOTION_S:
         raise MotionError(
             f"{limits.names[slowest]} needs at least {least_s[slowest]:.4g} s at "
-            f"{limits.v_max[slowest]:.4g} rad/s; motions of up to {LONGEST_MOTION_S:g} s are "
+            f"{limits.v_max[slowest]:.4g} rad/s; motions of up to {MAX_MOTION_S:g} s are "
             "planned: allow more speed"
         )
 
@@ -442,13 +436,13 @@ def _solved(problem: ruckig.InputParameter, names: tuple[str, ...]) -> ruckig.Tr
         raise MotionError(f"no motion under the limits: {_reason(cause, names)}") from cause
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise MotionError(f"no motion under the limits: Ruckig says {result}")
-    if profile.duration > LONGEST_MOTION_S:  # Ruckig itself refuses only for several joints
+    if profile.duration > MAX_MOTION_S:  # Ruckig itself refuses only for several joints
         raise MotionError(f"no motion under the limits: {_TOO_LONG}")
     return profile
 
 
 def _reason(cause: Exception, names: tuple[str, ...]) -> str:
-    """The first line of what Ruckig says, with the joint by its name."""
+    """The first line of Ruckig's message, with the joint's name."""
     if str(cause).startswith(_TOO_LONG_CODE):
         return _TOO_LONG
     first_line = str(cause).strip().splitlines()[0].removeprefix("[ruckig] ")
@@ -458,7 +452,7 @@ def _reason(cause: Exception, names: tuple[str, ...]) -> str:
 def _trajectory(
     profile: ruckig.Trajectory, start: JointState, goal: JointState, limits: JointLimits
 ) -> Trajectory:
-    if profile.duration <= SHORTEST_SEGMENT_S:  # the states differ by rounding, if at all
+    if profile.duration <= MIN_SEGMENT_S:  # the states differ by rounding, if at all
         return _instant(goal, limits)
     joints = [_phases(joint) for joint in profile.profiles[0]]
     knots = _merged([begins for begins, _ in joints], profile.duration)
@@ -473,7 +467,7 @@ def _exact_trajectory(
     ends: tuple[JointState, JointState],
     limits: JointLimits,
 ) -> Trajectory:
-    """The motion through states at the knots, made to begin and end exactly where asked."""
+    """The motion through states at the knots, with exact start and goal."""
     q, v, a = states
     start, goal = ends
     middles = (knots[:-1] + knots[1:]) / 2
@@ -492,9 +486,9 @@ def _exact_trajectory(
 
 
 def _phases(profile: ruckig.Profile) -> tuple[FloatArray, FloatArray]:
-    """When each of one joint's phases of constant jerk begins, shape (10,), and that jerk.
+    """When each phase of constant jerk of one joint begins, shape (10,), and that jerk.
 
-    Up to two to brake come before the seven; no jerk after the last.
+    Up to two braking phases precede the seven; there is no jerk after the last.
     """
     lasting = [*profile.brake.t, *profile.t]
     jerks = [*profile.brake.j, *profile.j, 0.0]
@@ -502,9 +496,9 @@ def _phases(profile: ruckig.Profile) -> tuple[FloatArray, FloatArray]:
 
 
 def _merged(
-    times: list[FloatArray], duration: float, *, shortest_s: float = SHORTEST_SEGMENT_S
+    times: list[FloatArray], duration: float, *, shortest_s: float = MIN_SEGMENT_S
 ) -> FloatArray:
-    """All phase boundaries in order, those closer than rounding made one; 0 and the end stay."""
+    """All phase boundaries in order, merged within rounding; 0 and the end are kept."""
     knots = [0.0]
     for t in np.unique(np.concatenate(times)).tolist():
         if t - knots[-1] > shortest_s and duration - t > shortest_s:
@@ -513,7 +507,7 @@ def _merged(
 
 
 def _check_bounds(trajectory: Trajectory) -> None:
-    """Near a limit, some boundary states cannot but overshoot it; Ruckig lets them."""
+    """Raise an error where boundary states near a limit force the motion to overshoot it."""
     limits = trajectory.limits
     ratios = trajectory.peak_ratios()
     if max(ratios) > 1.0 + RATIO_TOLERANCE:

@@ -1,12 +1,13 @@
 """One joint between two moving states: profiles of constant jerk in closed form.
 
 Ruckig tests families of profiles of up to seven phases, and rejects a family when rounding makes
-one of its phases negative. Where a phase has no length by rights, as for a state sampled from a
+one of its phases negative. Where a phase has zero length, as for a state sampled from a
 time-optimal motion, it may miss the fastest profile, and return one that takes several times as
 long, or none. The profiles of this module cover those cases:
 
 - `direct`: at most two phases. `Rates.least_s` proves in many cases that nothing is faster.
-- `through_rest`: brake, move from rest to rest, and run up. It always exists, and can wait at rest.
+- `through_rest`: brake, move from rest to rest, and accelerate. It always exists, and can wait at
+  rest.
 """
 
 from __future__ import annotations
@@ -19,28 +20,28 @@ from typing import NamedTuple
 import numpy as np
 
 ROUNDING = 1e-9
-"""By which share of a limit a value may exceed it and still count as rounding."""
+"""Maximum relative violation of a limit that counts as rounding."""
 
 _EPS = 1e-14
-"""Rounding of a sum of a few numbers of the order of one, with a margin."""
+"""Rounding of a sum of a few numbers of order one, with a margin."""
 
-LONGEST_S = 1e4
-"""Longer profiles are not looked for, as of speeds next to nothing; powers of them overflow."""
+MAX_PROFILE_S = 1e4
+"""Maximum duration of a profile, for almost zero speeds; powers of longer ones overflow."""
 
-CORRECTION_S = 1e-7
-"""By how much `corrected` changes the length of a phase at most."""
+MAX_CORRECTION_S = 1e-7
+"""Maximum change of the length of a phase by `corrected`."""
 
 
-class State(NamedTuple):
+class AxisState(NamedTuple):
     """Position, velocity and acceleration of one joint; rad and s."""
 
     q: float
     v: float
     a: float
 
-    def reversed(self) -> State:
-        """The same state in a motion run backwards."""
-        return State(self.q, -self.v, self.a)
+    def reversed(self) -> AxisState:
+        """The same state in the reversed motion."""
+        return AxisState(self.q, -self.v, self.a)
 
 
 class Profile(NamedTuple):
@@ -59,12 +60,12 @@ class Profile(NamedTuple):
         """Seconds from beginning to end."""
         return math.fsum(self.lengths_s)
 
-    def end(self, start: State) -> State:
+    def end(self, start: AxisState) -> AxisState:
         """The state in which the profile ends when it begins in `start`."""
         *_, end = self.states(start)
         return end
 
-    def states(self, start: State) -> Iterator[State]:
+    def states(self, start: AxisState) -> Iterator[AxisState]:
         """The start and the states at the ends of the phases."""
         q, v, a = start
         yield start
@@ -72,9 +73,9 @@ class Profile(NamedTuple):
             q += t * (v + t * (a / 2 + t * j / 6))
             v += t * (a + t * j / 2)
             a += t * j
-            yield State(q, v, a)
+            yield AxisState(q, v, a)
 
-    def is_within(self, rates: Rates, start: State) -> bool:
+    def is_within(self, rates: Rates, start: AxisState) -> bool:
         """Whether no velocity or acceleration exceeds its limit by more than `ROUNDING`."""
         v_max, a_max = rates.v * (1.0 + ROUNDING), rates.a * (1.0 + ROUNDING)
         states = list(self.states(start))
@@ -99,37 +100,37 @@ class Rates(NamedTuple):
         """Limits that are higher by this share."""
         return Rates(*(x * (1.0 + share) for x in self))
 
-    def least_s(self, start: State, goal: State) -> float:
-        """No motion between the states under these limits takes less: the mean value theorem."""
+    def least_s(self, start: AxisState, goal: AxisState) -> float:
+        """Lower bound on the duration between two states, by the mean value theorem."""
         return max(abs(y - x) / rate for x, y, rate in zip(start, goal, self, strict=True))
 
-    def moved_inside(self, start: State) -> State:
+    def moved_inside(self, start: AxisState) -> AxisState:
         """The start, moved inside the limits where it exceeds them by rounding.
 
-        A start is inside when its acceleration is, and when its velocity is, too, after the
-        acceleration has gone to zero at full jerk: v + a |a| / 2j. A value that exceeds its limit
-        by more than `ROUNDING` is left as it is.
+        A start is inside when its acceleration is, and its velocity is, too, after the acceleration
+        has gone to zero at full jerk: v + a |a| / 2j. A value that exceeds its limit by more than
+        `ROUNDING` is not changed.
         """
         a = min(max(start.a, -self.a), self.a)
         a = a if abs(start.a - a) <= ROUNDING * self.a else start.a
         change = a * a / (2 * self.j)
         high, low = self.v - (change if a > 0 else 0.0), -self.v + (change if a < 0 else 0.0)
         v = min(max(start.v, low), high)
-        return State(start.q, v if abs(v - start.v) <= ROUNDING * self.v else start.v, a)
+        return AxisState(start.q, v if abs(v - start.v) <= ROUNDING * self.v else start.v, a)
 
 
-def direct(start: State, goal: State, rates: Rates) -> Profile | None:
-    """The fastest profile of at most two phases of full or no jerk that joins the states, if any.
+def direct(start: AxisState, goal: AxisState, rates: Rates) -> Profile | None:
+    """The fastest profile of at most two phases of full or zero jerk that joins the states, if any.
 
-    Velocities and accelerations give the two lengths; the position then has to agree within what a
-    change of the jerk by `ROUNDING` could correct. Between two states that are inside the limits
-    (`Rates.moved_inside`) the profile is inside, too.
+    Velocities and accelerations determine the two lengths; the position then has to agree within
+    what a change of the jerk by `ROUNDING` could correct. Between two states that are inside the
+    limits (`Rates.moved_inside`) the profile is inside, too.
     """
     found = [p for p in _two_phases(start, goal, rates) if _reaches(p, start, goal, rates)]
     return min(found, key=lambda p: p.duration, default=None)
 
 
-def _two_phases(start: State, goal: State, rates: Rates) -> Iterator[Profile]:
+def _two_phases(start: AxisState, goal: AxisState, rates: Rates) -> Iterator[Profile]:
     steady = abs(goal.a - start.a) <= _EPS * rates.a and abs(goal.v - start.v) <= _EPS * rates.v
     if steady and start.v:
         yield from _profile(((goal.q - start.q) / start.v,), (0.0,))
@@ -149,16 +150,16 @@ def _two_phases(start: State, goal: State, rates: Rates) -> Iterator[Profile]:
 
 
 def _profile(lengths_s: tuple[float, ...], jerks: tuple[float, ...]) -> Iterator[Profile]:
-    """The profile, if its lengths are not negative; those that are by rounding count as zero.
+    """The profile, if its lengths are not negative; lengths negative by rounding count as zero.
 
-    None that takes longer than `LONGEST_S`.
+    None if it takes longer than `MAX_PROFILE_S`.
     """
     total = sum(map(abs, lengths_s))
-    if total <= LONGEST_S and min(lengths_s) >= -ROUNDING * total:
+    if total <= MAX_PROFILE_S and min(lengths_s) >= -ROUNDING * total:
         yield Profile(tuple(max(t, 0.0) for t in lengths_s), jerks)
 
 
-def _reaches(profile: Profile, start: State, goal: State, rates: Rates) -> bool:
+def _reaches(profile: Profile, start: AxisState, goal: AxisState, rates: Rates) -> bool:
     t = profile.duration
     end = profile.end(start)
     rounding = (
@@ -174,19 +175,20 @@ def _reaches(profile: Profile, start: State, goal: State, rates: Rates) -> bool:
 
 
 def corrected(
-    profile: Profile, start: State, goal: State, duration: float | None = None
+    profile: Profile, start: AxisState, goal: AxisState, duration: float | None = None
 ) -> Profile:
-    """The profile with lengths changed as little as possible so that it ends at the goal.
+    """The profile with minimally changed lengths so that it ends at the goal.
 
     One step of Newton's method: a phase that lasts longer by dt moves its end by (v, a, j) dt, and
-    the end of the profile by what the remaining time makes of that. Phases of up to `CORRECTION_S`
-    keep their lengths. If another would change by more than that, the profile stays as it is.
+    the end of the profile by what the remaining time makes of that. Phases of up to
+    `MAX_CORRECTION_S` keep their lengths. If another would change by more than that, the profile is
+    not changed.
 
     Args:
         profile: one that nearly ends at the goal.
-        start: where it begins.
-        goal: where it shall end.
-        duration: how long it shall take; as long as it comes to when not given.
+        start: its first state.
+        goal: its desired last state.
+        duration: its desired duration; not constrained when not given.
     """
     _, *ends = profile.states(start)
     misses = [x - y for x, y in zip(goal, ends[-1], strict=True)]
@@ -197,18 +199,20 @@ def corrected(
     if duration is not None:
         misses.append(duration - profile.duration)
         moves = np.vstack([moves, np.ones_like(lengths)])
-    is_free = lengths > CORRECTION_S
+    is_free = lengths > MAX_CORRECTION_S
     if not is_free.any():
         return profile
     change = np.linalg.lstsq(moves[:, is_free], np.array(misses), rcond=None)[0]
-    if np.abs(change).max() > CORRECTION_S:
+    if np.abs(change).max() > MAX_CORRECTION_S:
         return profile
     lengths[is_free] += change
     return Profile(tuple(lengths.tolist()), profile.jerks)
 
 
-def through_rest(start: State, goal: State, rates: Rates, at_least_s: float = 0.0) -> Profile:
-    """Brake to rest, move to where the run-up begins, wait until the time is over, and run up."""
+def through_rest(
+    start: AxisState, goal: AxisState, rates: Rates, at_least_s: float = 0.0
+) -> Profile:
+    """Brake to rest, move to the start of the final acceleration, wait, and accelerate."""
     brake, run_up = _braking(start, rates), _braking(goal.reversed(), rates)
     way = run_up.end(goal.reversed()).q - brake.end(start).q
     move = _rest_to_rest(way, rates)
@@ -219,8 +223,8 @@ def through_rest(start: State, goal: State, rates: Rates, at_least_s: float = 0.
     )
 
 
-def _braking(state: State, rates: Rates) -> Profile:
-    """The fastest way to rest anywhere: acceleration goes to a peak, stays and returns to zero."""
+def _braking(state: AxisState, rates: Rates) -> Profile:
+    """The fastest motion to rest: acceleration reaches a peak, stays, and returns to zero."""
     _, v, a = state
     sign = -1.0 if v + a * abs(a) / (2 * rates.j) > 0.0 else 1.0
     v, a = sign * v, sign * a  # now the acceleration has to rise first

@@ -1,21 +1,21 @@
-"""OffPath: how far a hand may be from where it passes on a planned path.
+"""OffPath: the distance of a hand from its planned path.
 
-A hand is off the path by d at most where there is one moment of the path at which every point of it
-is within d of where it is. Let the joints be anywhere in a box, c + x with |x_i| <= w_i. A point of
-the hand is then at p(c) + J(c) x, but for a remainder of at most
-sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j): let the joints turn one after the other, the one next to
-base first. When joint i turns, those beyond it still stand as at c, so p moves by
-R_i (Rot(z_i, x_i) - 1)(p - o_i), where R_i is the turn of the joints before it. With the lever arm
-r_i of p that is x_i z_i x (p - o_i) but for x_i^2 r_i / 2, by Taylor, and for |x_i| r_i times the
-angle of R_i, which is at most the sum of |x_j| over the joints before i.
+A hand is off the path by d at most if at some moment of the path every point of it is within d of
+its actual position. Let the joints be anywhere in a box, c + x with |x_i| <= w_i. A point of the
+hand is then at p(c) + J(c) x, up to a remainder of at most
+sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j): let the joints turn one after the other, starting at the
+base. When joint i turns, those beyond it are still at c, so p moves by
+R_i (Rot(z_i, x_i) - 1)(p - o_i), where R_i is the rotation of the joints before it. With the lever
+arm r_i of p, that is x_i z_i x (p - o_i) up to x_i^2 r_i / 2, by Taylor, and up to |x_i| r_i times
+the angle of R_i, which is at most the sum of |x_j| over the joints before i.
 
-Take two moments of the path around the nearest one, and the chord between both for each point. A
-fraction f in [0, 1] of the chord that is linear in x leaves a difference p(c) + J x - chord(f(x))
-that is linear in x, so its length is greatest at a corner of the box, of which there are 2^7; and
-it is linear in the point, so it is greatest at a corner of a box around the hand. The chord itself
-is off the path by what the path's own points, taken at the fraction of the tip's, are off it: as
-that fraction runs from 0 to 1 without a gap, each fraction belongs to a moment. Of several chords
-the one that says least counts. So what an arm lags behind along its path is no deviation from it.
+Take two moments of the path around the nearest one, and the chord between them for each point. For
+a fraction f in [0, 1] of the chord that is linear in x, the difference p(c) + J x - chord(f(x)) is
+linear in x, so its length is greatest at one of the 2^7 corners of the box; and it is linear in the
+point, so it is greatest at a corner of a box around the hand. The chord itself deviates from the
+path by at most the deviation of the path's own points, taken at the fraction of the tip's: as that
+fraction covers 0 to 1 without a gap, each fraction belongs to a moment. Of several chords, the
+smallest bound counts. A lag of the arm along its path is therefore not a deviation from it.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from planner.collision.continuous.joint_tube import JointTube
 from planner.trajectory import Trajectory
 
 SAMPLE_S = 2e-3
-"""Of plan time, between two samples of a path."""
+"""Plan time between two samples of a path."""
 
 REACHES = (0, 5, 20, 60)
-"""How many samples a chord reaches to either side."""
+"""Number of samples that a chord reaches to either side."""
 
 CELLS = 2
-"""Cells of a tube that are taken together."""
+"""Number of cells of a tube that are joined."""
 
-LEAST_SQUARE = 1e-18
+MIN_SQUARE = 1e-18
 """Chords shorter than its root are points, m."""
 
-LONGEST_M = 2.0
-"""No point of a hand or of what it holds is farther from any axis of its arm."""
+MAX_REACH_M = 2.0
+"""Maximum distance of a point of a hand, or of a held body, from any axis of its arm."""
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
 
@@ -56,10 +56,10 @@ class OffPath:
         """Sample the path.
 
         Args:
-            arm: that moves.
+            arm: the arm that moves.
             trajectory: the motion.
-            points_tip: whose hull contains the hand, or what counts of it, seen from the tip, shape
-                (k, 3), m.
+            points_tip: points whose convex hull contains the relevant part of the hand, in the
+                tip's frame, shape (k, 3), m.
         """
         self._chain = arm.chain
         at_zero = self._chain.poses(np.zeros((1, 7)))[0, -1]
@@ -72,10 +72,10 @@ class OffPath:
         turning = float(np.abs(state.v).max(axis=0).sum()) ** 2
         pushed = float(np.abs(trajectory.a).max(axis=0).sum())
         self._bends = {reach: np.full(len(self._path), np.nan) for reach in REACHES}
-        self._between_m = LONGEST_M * (pushed + turning) * float(times[1] - times[0]) ** 2 / 8
+        self._between_m = MAX_REACH_M * (pushed + turning) * float(times[1] - times[0]) ** 2 / 8
 
     def over(self, tube: JointTube) -> FloatArray:
-        """Bounds in each `CELLS` cells of a tube, shape (ceil(cells / `CELLS`),), m."""
+        """Bounds in each group of `CELLS` cells of a tube, shape (ceil(cells / `CELLS`),), m."""
         starts = range(0, tube.cells, CELLS)
         boxes = [tube.hull(first, min(first + CELLS, tube.cells)) for first in starts]
         lows, highs = (np.array(corners) for corners in zip(*boxes, strict=True))
@@ -99,7 +99,7 @@ class OffPath:
         return off_m
 
     def _placed(self, joints: FloatArray) -> FloatArray:
-        """The points where the joints are, shape (m, 7, 4, 4): (m, k + 1, 3)."""
+        """The points for joint frames of shape (m, 7, 4, 4): (m, k + 1, 3)."""
         T = joints[:, -1] @ self._T_wrist_tip
         placed: FloatArray = self._points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
         return placed
@@ -107,20 +107,20 @@ class OffPath:
     def _off_chord(
         self, nearest: Indices, reach: int, points: FloatArray, slopes: FloatArray
     ) -> FloatArray:
-        """Bounds to first order by one chord in each box, shape (m,).
+        """First-order bounds by one chord in each box, shape (m,).
 
         Args:
             nearest: numbers of the nearest samples, shape (m,).
             reach: of the chord around them.
-            points: in the middle, shape (m, k + 1, 3).
-            slopes: of them to the sides of the box, shape (m, k + 1, 7, 3).
+            points: at the centre, shape (m, k + 1, 3).
+            slopes: their changes to the sides of the box, shape (m, k + 1, 7, 3).
         """
         begin, way, along = self._chords(nearest, reach)
         fraction = np.einsum("mx,mx->m", points[:, 0] - begin[:, 0], along)
         rises = np.einsum("mjx,mx->mj", slopes[:, 0], along)
         middle, room = np.clip(fraction, 0.0, 1.0), np.abs(rises).sum(axis=1)
         free = np.minimum(middle, 1.0 - middle)
-        share = np.minimum(1.0, free / np.maximum(room, LEAST_SQUARE))
+        share = np.minimum(1.0, free / np.maximum(room, MIN_SQUARE))
         off = points - begin - middle[:, None, None] * way
         turned = slopes - (share[:, None] * rises)[:, None, :, None] * way[:, :, None]
         at_corners = turned.transpose(0, 3, 1, 2) @ CORNERS.T  # x of all points and corners first
@@ -130,18 +130,18 @@ class OffPath:
         return farthest + self._bent(nearest, reach)
 
     def _chords(self, nearest: Indices, reach: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Chords around samples: their begin, (m, k + 1, 3), the way to their end, and along it.
+        """Chords around samples: start, (m, k + 1, 3), vector to the end, and the tip's direction.
 
-        The last, (m, 3), is that of the tip, over its length: times a way from the begin it is the
-        fraction of the chord.
+        The last, (m, 3), is divided by the length of the tip's chord: its product with a vector
+        from the start is the fraction of the chord.
         """
         ends = np.maximum(nearest - reach, 0), np.minimum(nearest + reach, len(self._path) - 1)
         begin, way = self._path[ends[0]], self._path[ends[1]] - self._path[ends[0]]
-        along = way[:, 0] / np.maximum((way[:, 0] ** 2).sum(axis=1), LEAST_SQUARE)[:, None]
+        along = way[:, 0] / np.maximum((way[:, 0] ** 2).sum(axis=1), MIN_SQUARE)[:, None]
         return begin, way, along
 
     def _bent(self, nearest: Indices, reach: int) -> FloatArray:
-        """How far the path is off the chords around samples, shape (m,); each is found once."""
+        """Deviation of the path from the chords around samples, shape (m,); each is found once."""
         known = self._bends[reach]
         new = np.unique(nearest[np.isnan(known[nearest])])
         begin, way, along = self._chords(new, reach)

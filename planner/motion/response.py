@@ -57,24 +57,24 @@ from planner.errors import ResponseError
 from planner.trajectory import Trajectory
 
 TICK_S = 0.01
-"""Between two set-points: 100 Hz, at which the original clients command."""
+"""Time between two set-points: 100 Hz, as the original clients."""
 
 LATE_S = 0.02
-"""How late the stream may be unless said otherwise: what the executor lets pass."""
+"""Default lateness of the stream: what the executor tolerates."""
 
 REST_PLAN_S = 0.01
-"""In plan time: more than the cells by which tubes count a motion as longer than it is."""
+"""In plan time: more than the cells by which tubes extend a motion."""
 
-LONGEST_LAG_S, LONGEST_LEAD_S, LONGEST_LATE_S, LARGEST_ERROR_RAD = 5.0, 1.0, 1.0, 0.2
-"""Beyond these it is no response of an arm, but a number in another unit."""
+MAX_LAG_S, MAX_LEAD_S, MAX_LATE_S, MAX_ERROR_RAD = 5.0, 1.0, 1.0, 0.2
+"""Larger values are not a response of an arm, but numbers in another unit."""
 
 
 class Command(NamedTuple):
-    """What is sent, each of shape (n,) or (m, n).
+    """A set-point, each field of shape (n,) or (m, n).
 
     Attributes:
         q: positions, rad, within the joint limits.
-        v: velocity of the plan as it is slowed down, rad/s.
+        v: velocity of the plan at the reduced speed, rad/s.
     """
 
     q: FloatArray
@@ -87,10 +87,10 @@ def _lags(given: ArrayLike) -> FloatArray:
         lags = np.tile(lags, (len(JOINTS), 1))
     lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
     for number, (least, most) in enumerate(lags.tolist()):
-        if not 0.0 <= least <= most <= LONGEST_LAG_S:
+        if not 0.0 <= least <= most <= MAX_LAG_S:
             raise ResponseError(
                 f"lag_s of joint {number} must be least and greatest, from 0 to "
-                f"{LONGEST_LAG_S:g} s, got {least:g} and {most:g}"
+                f"{MAX_LAG_S:g} s, got {least:g} and {most:g}"
             )
     return lags
 
@@ -100,34 +100,37 @@ def _errors(given: ArrayLike) -> FloatArray:
     if errors.ndim == 0:
         errors = np.full(len(JOINTS), errors)
     errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
-    if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
+    if not ((errors >= 0.0) & (errors <= MAX_ERROR_RAD)).all():
         raise ResponseError(
-            f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"
+            f"settled_error_rad must be from 0 to {MAX_ERROR_RAD:g} rad, got {errors.tolist()}"
         )
     return errors
 
 
 @value(error=ResponseError)
 class Response:
-    """How an arm follows its set-points, as bounds; and how these are sent.
+    """Bounds on how an arm follows its set-points, and how these are sent.
 
     Attributes:
-        lag_s: least and greatest lag of each joint, shape (7, 2), s. Zero is a joint that follows
-            at once.
-        settled_error_rad: how far each joint may be from where its lag alone has it, shape (7,),
-            rad.
+        lag_s: minimum and maximum lag of each joint, shape (7, 2), s, up to `MAX_LAG_S`; one pair
+            of shape (2,) stands for all joints. A joint of zero lag follows immediately.
+        settled_error_rad: maximum distance of each joint from the position that follows from its
+            lag, shape (7,), rad, up to `MAX_ERROR_RAD`; one number stands for all joints.
         speed: of plan time to time, in (0, 1].
-        lead_s: how far set-points lead along the velocity, s.
-        late_s: how much later than in an even stream of 100 Hz a set-point may come in force, in
-            all: the greatest lateness of one, and all that plan time stood still since the arm last
-            rested. What comes later is not covered.
+        lead_s: lead of set-points along the velocity, 0 .. `MAX_LEAD_S`.
+        late_s: maximum total delay of a set-point relative to an even stream of 100 Hz, 0 ..
+            `MAX_LATE_S`: the maximum lateness of one, plus all time for which plan time stood still
+            since the arm last rested. Longer delays are not covered.
+
+    Raises:
+        ResponseError: when a value is not a number, or outside its range; names the range.
     """
 
     lag_s: FloatArray = field(converter=_lags)
     settled_error_rad: FloatArray = field(default=0.0, converter=_errors)
     speed: float = scalar(above=0.0, most=1.0, default=1.0)
-    lead_s: float = scalar(least=0.0, most=LONGEST_LEAD_S, default=0.0)
-    late_s: float = scalar(least=0.0, most=LONGEST_LATE_S, default=LATE_S)
+    lead_s: float = scalar(least=0.0, most=MAX_LEAD_S, default=0.0)
+    late_s: float = scalar(least=0.0, most=MAX_LATE_S, default=LATE_S)
 
     if TYPE_CHECKING:  # converters take more than the fields hold
 
@@ -142,27 +145,23 @@ class Response:
 
     @property
     def window_s(self) -> float:
-        """How old the set-point in force may be: a tick, and what the stream is late."""
+        """Maximum age of the set-point in force: a tick, and the lateness of the stream."""
         return TICK_S + self.late_s
 
     @property
     def rest_s(self) -> float:
-        """How long the last set-point stands at least before the next motion may begin, s.
+        """Minimum time for which the last set-point stands before the next motion may begin, s.
 
-        It is in force for good then; tubes of what begins later are from there on.
+        From then on no older one is in force, which tubes of the next motion rely on.
         """
         return self.window_s + REST_PLAN_S / self.speed
 
     def at_speed(self, speed: float) -> Response:
-        """The same arm, sent the same plan at another speed.
-
-        Raises:
-            ResponseError: when it is not above 0 and at most 1.
-        """
+        """The same arm, sent the same plan at another speed, in (0, 1]."""
         return evolve(self, speed=speed)
 
     def command(self, trajectory: Trajectory, t_s: ArrayLike) -> Command:
-        """What is sent at a time, or at many, from the begin of a motion on.
+        """The set-point at one time or at many, from the beginning of a motion.
 
         Args:
             trajectory: the motion as planned.
@@ -171,7 +170,7 @@ class Response:
         Raises:
             TrajectoryError: when a time is not a number, negative, or after the end of a motion
                 that does not end at rest.
-            ResponseError: when it is no `Trajectory`.
+            ResponseError: when it is not a `Trajectory`.
         """
         expect(trajectory, Trajectory, "trajectory", ResponseError)
         state = trajectory.sample(self.speed * float_array(t_s, "t_s", ResponseError))
@@ -188,38 +187,40 @@ class Response:
         return lag, error, f"speed {self.speed:.3g}", lead, f"{1e3 * self.late_s:.3g} ms late"
 
 
-def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
-    """What is left of a distance after a time, as a share; nothing without lag."""
+def remaining_share(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
+    """Share of a distance that remains after a time; zero without lag."""
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # lags of 0, or near it
         share = np.exp(-np.divide(time_s, lag_s))
     return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
 
 
-LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25
-"""Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent and done."""
+MIN_SAMPLES, MAX_GAP_S = 50, 0.25
+"""Requirements on a recording: set-points come at 100 Hz; longer gaps leave open what was sent and
+done."""
 
-LEAST_RECORDED = 0.5
-"""Share of the time that a recording must tell of."""
+MIN_RECORDED_SHARE = 0.5
+"""Minimum share of the time that is recorded."""
 
-LEAST_TRAVEL_RAD = 0.02
-"""Joints that were commanded to go less far say nothing of their lag."""
+MIN_TRAVEL_RAD = 0.02
+"""Minimum commanded travel of a joint whose lag can be estimated."""
 
-LEAST_SPEED = 0.05
-"""Pieces of a joint's motion that are slower on average (RMS) say nothing either, rad/s."""
+MIN_SPEED = 0.05
+"""Minimum average speed (RMS) of a piece of a joint's motion from which its lag is estimated,
+rad/s."""
 
-LEAST_SHARE = 0.3
-"""Nor do joints of whose speed an offset explains all but less than this share."""
+MIN_UNEXPLAINED_SHARE = 0.3
+"""Minimum share of a joint's speed that an offset does not explain."""
 
-SAME_RAD = 1e-9
-"""Set-points this near to what was measured are not what was sent: no arm is there at once."""
+MIN_DIFFERENCE_RAD = 1e-9
+"""Commands closer than this to the measurements are not commands: no arm follows immediately."""
 
-GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, LONGEST_LAG_S, 80)])
+GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, MAX_LAG_S, 80)])
 
-SLOWEST = 0.99
-"""A lag nearer to the longest than this was not found but cut off."""
+MAX_FITTED_SHARE = 0.99
+"""A lag above this share of the maximum was not found but cut off."""
 
 REFINEMENTS = 40
-"""Golden sections: an interval of the grid is cut to 1e-8 of it."""
+"""Golden-section steps: an interval of the grid is reduced to 1e-8 of it."""
 
 SIGMAS, PIECE_S, RESERVE = 3.0, 1.0, 1.25
 
@@ -227,30 +228,30 @@ _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> Response:
-    """Bounds on how an arm follows, from a recording of what it was sent and what it did.
+    """Bounds on how an arm follows, estimated from a recording of its commands and its motion.
 
     Args:
         t: times, shape (k,), s, increasing.
-        q_commanded: set-points as they were sent, in force from each time to the next, shape
-            (k, 7), rad; what they led by belongs to them.
+        q_commanded: set-points as they were sent, including their lead, each in force until the
+            next time, shape (k, 7), rad.
         q_measured: positions measured at these times, shape (k, 7), rad.
 
     Returns:
-        A response at speed 1 without lead, whose tube holds what was measured.
+        A response at speed 1 without lead, whose tube contains the measurements.
 
     Raises:
-        ResponseError: when arrays do not fit, a number is not finite, times do not increase or
-            are mostly gaps, or a joint did not move enough, or not as one that follows; says which.
+        ResponseError: when arrays do not match, a number is not finite, times do not increase or
+            are mostly gaps, or a joint did not move enough, or did not follow; says which.
     """
     data = _checked(t, q_commanded, q_measured)
     lag_s = _fitted_lags(data)
     low, high = _intervals(data, lag_s)
     errors = RESERVE * _outside(data, low, high, _offsets(data, lag_s))
-    if float(errors.max()) > LARGEST_ERROR_RAD:
+    if float(errors.max()) > MAX_ERROR_RAD:
         joint = int(errors.argmax())
         raise ResponseError(
             f"{_named(joint)} is measured {_rounded(errors[joint], up=True)} rad from any lag's "
-            f"answer to its commands; up to {LARGEST_ERROR_RAD:g} rad can be stated: was it "
+            f"answer to its commands; up to {MAX_ERROR_RAD:g} rad can be stated: was it "
             "pushed, or are these columns of other joints?"
         )
     return Response(np.column_stack([low, high]), errors)
@@ -266,12 +267,12 @@ class _Data(NamedTuple):
 
     @classmethod
     def of(cls, t: FloatArray, u: FloatArray, q: FloatArray) -> _Data:
-        """Parts are what lies between gaps."""
-        return cls(t, u, q, np.diff(t, prepend=-np.inf) > LONGEST_GAP_S)
+        """Parts are separated by gaps."""
+        return cls(t, u, q, np.diff(t, prepend=-np.inf) > MAX_GAP_S)
 
     @property
     def since_s(self) -> FloatArray:
-        """Time since its part began, shape (k,)."""
+        """Time since the beginning of the part, shape (k,)."""
         first = np.flatnonzero(self.begins)
         since_s: FloatArray = self.t - self.t[first[np.cumsum(self.begins) - 1]]
         return since_s
@@ -283,53 +284,53 @@ def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Da
     u = finite_array(q_commanded, (times.size, len(JOINTS)), "q_commanded", ResponseError)
     q = finite_array(q_measured, (times.size, len(JOINTS)), "q_measured", ResponseError)
     _check_times(times)
-    if np.abs(u - q).max() <= SAME_RAD:
+    if np.abs(u - q).max() <= MIN_DIFFERENCE_RAD:
         raise ResponseError(
             "q_commanded is q_measured: give the set-points that were sent, such as "
             "`recording.commands[limb]` has them; `recording.motion` has what was measured"
         )
     for what, values in (("commanded", u), ("measured", q)):
         travel = np.ptp(values, axis=0)
-        if float(travel.min()) < LEAST_TRAVEL_RAD:
+        if float(travel.min()) < MIN_TRAVEL_RAD:
             raise ResponseError(
                 f"{_named(int(travel.argmin()))} was {what} over {_rounded(travel.min())} rad "
-                f"only; every joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
+                f"only; every joint must go {MIN_TRAVEL_RAD:g} rad to tell its lag"
             )
     return _Data.of(times, u, q)
 
 
 def _check_times(times: FloatArray) -> None:
-    if len(times) < LEAST_SAMPLES:
-        raise ResponseError(f"{len(times)} samples tell no response; give {LEAST_SAMPLES} or more")
+    if len(times) < MIN_SAMPLES:
+        raise ResponseError(f"{len(times)} samples tell no response; give {MIN_SAMPLES} or more")
     gaps = np.diff(times)
     if not (gaps > 0.0).all():
         at = int(gaps.argmin())
         raise ResponseError(
             f"times must increase, but {times[at]:g} s comes before {times[at + 1]:g} s"
         )
-    missing_s = float(gaps[gaps > LONGEST_GAP_S].sum())
-    if missing_s > (1.0 - LEAST_RECORDED) * float(gaps.sum()):
+    missing_s = float(gaps[gaps > MAX_GAP_S].sum())
+    if missing_s > (1.0 - MIN_RECORDED_SHARE) * float(gaps.sum()):
         raise ResponseError(
             f"nothing is recorded for {missing_s:.3g} of {gaps.sum():.3g} s, in gaps longer than "
-            f"{LONGEST_GAP_S:g} s; record at 100 Hz, and give times in seconds"
+            f"{MAX_GAP_S:g} s; record at 100 Hz, and give times in seconds"
         )
 
 
 def _answers(data: _Data, lags_s: FloatArray) -> FloatArray:
-    """Answers with lags of shape (..., 7), from the start of each part on: shape (k, ..., 7)."""
+    """Positions for lags of shape (..., 7), from the start of each part: shape (k, ..., 7)."""
     found = np.empty((len(data.t), *lags_s.shape))
     found[0] = y = np.broadcast_to(data.q[0], lags_s.shape)
     for number, step_s in enumerate(np.diff(data.t).tolist()):
         if data.begins[number + 1]:
             y = np.broadcast_to(data.q[number + 1], lags_s.shape)
         else:
-            y = data.u[number] + (y - data.u[number]) * left_over(step_s, lags_s)
+            y = data.u[number] + (y - data.u[number]) * remaining_share(step_s, lags_s)
         found[number + 1] = y
     return found
 
 
 def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
-    """Of these answers, shape (k, 7), rad/s; zero on both sides of a gap."""
+    """Speeds of these answers, shape (k, 7), rad/s; zero on both sides of a gap."""
     speeds = np.gradient(_answers(data, lags_s), data.t, axis=0)
     gaps = data.begins[1:]
     speeds[1:][gaps] = speeds[:-1][gaps] = 0.0
@@ -337,14 +338,14 @@ def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
 
 
 def _off(data: _Data, lags_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Measured less answered, and how an offset of 1 shows there, shape (k, ..., 7) both."""
+    """Measurement minus answer, and the effect of an offset of 1 on it, both (k, ..., 7)."""
     since_s = data.since_s.reshape(-1, *(1,) * lags_s.ndim)
     measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), data.q.shape[1])
-    return measured - _answers(data, lags_s), 1.0 - left_over(since_s, lags_s)
+    return measured - _answers(data, lags_s), 1.0 - remaining_share(since_s, lags_s)
 
 
 def _misfit(data: _Data, lags_s: FloatArray, *, has_offset: bool) -> FloatArray:
-    """Sum of squares of each lag with its best offset, or with none, shape as theirs."""
+    """Sum of squares for each lag, with its best offset or without, of the shape of the lags."""
     off, course = _off(data, lags_s)
     if has_offset:
         off = off - course * _best_offset(off, course)
@@ -358,7 +359,7 @@ def _best_offset(off: FloatArray, course: FloatArray) -> FloatArray:
 
 
 def _best(data: _Data, *, has_offset: bool) -> FloatArray:
-    """The lag of each joint that fits best, shape (7,), s; the longest where none does."""
+    """The best lag of each joint, shape (7,), s; the longest where none fits."""
     grid = np.repeat(GRID_S[:, None], data.q.shape[1], axis=1)
     best = _misfit(data, grid, has_offset=has_offset).argmin(axis=0)
     low, high = GRID_S[np.maximum(best - 1, 0)], GRID_S[np.minimum(best + 1, len(GRID_S) - 1)]
@@ -374,41 +375,37 @@ def _best(data: _Data, *, has_offset: bool) -> FloatArray:
 
 
 def _fitted_lags(data: _Data) -> FloatArray:
-    """The best lag of each joint, shape (7,), s.
-
-    Raises:
-        ResponseError: when a joint does not follow.
-    """
+    """The best lag of each joint, shape (7,), s."""
     lag_s = _best(data, has_offset=True)
-    if float(lag_s.max()) > SLOWEST * LONGEST_LAG_S:
+    if float(lag_s.max()) > MAX_FITTED_SHARE * MAX_LAG_S:
         raise ResponseError(
             f"{_named(int(lag_s.argmax()))} does not follow its commands within "
-            f"{LONGEST_LAG_S:g} s; was the arm enabled, and are these columns of the same joints?"
+            f"{MAX_LAG_S:g} s; was the arm enabled, and are these columns of the same joints?"
         )
     return lag_s
 
 
 def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
-    """How far joints are measured off where their lag has them, always, shape (7,), rad."""
+    """Constant offset of each joint from the answer of its lag, shape (7,), rad."""
     return _best_offset(*_off(data, lag_s))
 
 
 def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest lag of each joint, shape (7,) both, s."""
+    """Minimum and maximum lag of each joint, shape (7,) both, s."""
     speeds = _speeds(data, lag_s)
     fastest = np.max([_rms(speeds[piece]) for piece in _parts(data)], axis=0)
-    if float(fastest.min()) < LEAST_SPEED:
+    if float(fastest.min()) < MIN_SPEED:
         raise ResponseError(
             f"{_named(int(fastest.argmin()))} went at {_rounded(fastest.min())} rad/s in its "
             "fastest second, which does not tell its lag; every joint must go at "
-            f"{LEAST_SPEED:g} rad/s or more, if only for a second"
+            f"{MIN_SPEED:g} rad/s or more, if only for a second"
         )
     usual = _rms(speeds)
     off, course = _off(data, lag_s)
     offsets = _best_offset(off, course)
     telling = speeds - course * _best_offset(speeds, course)
     share = _rms(telling) / usual
-    if float(share.min()) < LEAST_SHARE:
+    if float(share.min()) < MIN_UNEXPLAINED_SHARE:
         raise ResponseError(
             f"{_named(int(share.argmin()))} went at one speed nearly all the time, so its lag "
             "cannot be told from an offset; let it go there and back"
@@ -417,15 +414,18 @@ def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     spread = SIGMAS * noise / (share * usual * np.sqrt(len(data.t)))
     pieces = _pieces(data._replace(q=data.q - offsets), lag_s, speeds)
     low, high = np.minimum(lag_s - spread, pieces.min(axis=0)), lag_s + spread
-    return np.maximum(low, 0.0), np.minimum(np.maximum(high, pieces.max(axis=0)), LONGEST_LAG_S)
+    return np.maximum(low, 0.0), np.minimum(np.maximum(high, pieces.max(axis=0)), MAX_LAG_S)
 
 
 def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
-    """The lags that fit best in each piece, shape (pieces, 7), s; those of the whole otherwise."""
+    """The best lags in each piece, shape (pieces, 7), s.
+
+    That of the whole recording where a joint moves too little.
+    """
     found = []
     for part in _parts(data):
         piece = _Data.of(*(values[part] for values in (data.t, data.u, data.q)))
-        tells = _rms(speeds[part]) >= LEAST_SPEED
+        tells = _rms(speeds[part]) >= MIN_SPEED
         found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
     return np.array(found)
 
@@ -444,7 +444,7 @@ def _rms(values: FloatArray) -> FloatArray:
 
 
 def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatArray) -> FloatArray:
-    """How far measurements are outside the tube of an interval of lags, at most, shape (7,)."""
+    """Maximum distance of measurements from the tube of an interval of lags, shape (7,), rad."""
     high = low = data.q[0] - offsets
     farthest = np.abs(offsets)
     for number, step_s in enumerate(np.diff(data.t).tolist()):
@@ -452,7 +452,7 @@ def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatA
         if data.begins[number + 1]:
             high = low = measured - offsets
             continue
-        least, most = left_over(step_s, low_s), left_over(step_s, high_s)
+        least, most = remaining_share(step_s, low_s), remaining_share(step_s, high_s)
         aim = data.u[number]
         high = aim + (high - aim) * np.where(high < aim, least, most)
         low = aim + (low - aim) * np.where(low > aim, least, most)
@@ -461,19 +461,22 @@ def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatA
 
 
 def _named(joint: int) -> str:
-    """A column as a joint of the arm."""
+    """The name of a joint by its column."""
     return f"joint {joint} ({JOINTS[joint]})"
 
 
 def _rounded(value: float, *, up: bool = False) -> str:
-    """A number beyond a limit, rounded so that it reads as one: 0.04998 is not 0.05."""
+    """A number rounded away from a limit, so that it does not read as the limit.
+
+    0.04998 is not 0.05.
+    """
     steps = value * 1e4
     return f"{1e-4 * (np.ceil(steps) if up else np.floor(steps)):.4f}".rstrip("0").rstrip(".")
 
 
 FORMAT = "baxter-kin response"
 VERSION = 1
-LARGEST_BYTES = 1_000_000
+MAX_BYTES = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,7 +489,7 @@ class _Document:
 
 
 def save_response(response: Response, limb: str, path: PathLike) -> None:
-    """Write how an arm follows; speed and lead are not kept.
+    """Write how an arm follows; speed and lead are not saved.
 
     Raises:
         ResponseError: when the file cannot be written.
@@ -502,15 +505,15 @@ def save_response(response: Response, limb: str, path: PathLike) -> None:
 
 
 def load_response(path: PathLike, limb: str) -> Response:
-    """How an arm follows its set-points.
+    """Read how an arm follows its set-points.
 
     Raises:
-        ResponseError: when the file cannot be read, holds something else, is of the other arm, or a
-            number in it makes no sense.
+        ResponseError: when the file cannot be read, contains something else, is of the other arm,
+            or a number in it is invalid.
     """
     try:
         with open_to_read(path) as stream:
-            content = stream.read(LARGEST_BYTES)
+            content = stream.read(MAX_BYTES)
     except (FileError, OSError) as cause:
         raise ResponseError(f"the response cannot be read: {cause}") from cause
     try:

@@ -1,16 +1,17 @@
-"""Corners of a way around obstacles, in joint space (OMPL enters here).
+"""Corners of a path around obstacles in joint space, by OMPL.
 
-RRT-Connect (Kuffner and LaValle 2000) grows a tree from each end until they meet. OMPL has traps:
+RRT-Connect (Kuffner and LaValle 2000) grows a tree from each end until they meet. OMPL has
+pitfalls:
 
 - It checks an edge at steps that are a fraction of the space's extent, by default so long that a
   quarter of the paths cross an obstacle. Here the step is a distance.
 - It calls a path that does not reach its goal a solution too, an approximate one.
-- Nothing stops it within an edge, and a time limit of 1e300 s is over at once.
-- What it asks must answer with a `bool` and no other type of Python or NumPy.
-- It logs to stdout, and its random numbers start from one seed of the process, which it claims
-  cannot be set twice. It can: what is created after that is drawn from the new seed.
+- Nothing stops it within an edge, and a time limit of 1e300 s expires at once.
+- A validity checker must return a `bool`, and no other type of Python or NumPy.
+- It logs to stdout, and its random numbers start from one seed per process, which it claims cannot
+  be set twice. It can: objects created later draw from the new seed.
 
-It is loaded by the first search, since not every Python that the rest runs with has it.
+It is loaded by the first search, since it does not exist for every supported Python.
 """
 
 from __future__ import annotations
@@ -37,24 +38,25 @@ if TYPE_CHECKING:
 
 EDGE_STEP_RAD = 0.02
 """Distance in joint space between two collision checks of an edge, a sixth of OMPL's default; with
-some mm of margin, none of 100 walls was crossed."""
+a few mm of margin, no path crossed any of 100 walls."""
 
-LONGEST_EDGE_RAD = 0.75
-"""Longest edge of a tree. OMPL would choose a fifth of the arm's extent, 2.5; between the boards of
-a shelf such edges are blocked."""
+MAX_EDGE_RAD = 0.75
+"""Maximum length of an edge of a tree. OMPL would choose a fifth of the arm's extent, 2.5; between
+the boards of a shelf such edges are blocked."""
 
 SHORTCUTS = 120
-"""Straight lines between random points of a way that are tried in its place (Geraerts and Overmars,
-Int. J. Robotics Research 26(8), 2007). A way that no program shortens is stopped on at corners."""
+"""Number of straight lines between random points of a path that are tried in its place (Geraerts
+and Overmars, Int. J. Robotics Research 26(8), 2007). Where no program shortens a path, the arm
+stops at its corners."""
 
-FINEST_FRACTION, COARSEST_FRACTION = 1e-9, 0.01
-"""Bounds of a step as a fraction of the extent: what OMPL can count, and what makes sense."""
+MIN_FRACTION, MAX_STEP_FRACTION = 1e-9, 0.01
+"""Bounds of a step as a fraction of the extent: OMPL's resolution, and a reasonable maximum."""
 
 NEWEST_PYTHON = (3, 13)
-"""The newest that OMPL has wheels for; those for macOS need version 15."""
+"""The newest Python for which OMPL has wheels; those for macOS need version 15."""
 
 _ONE_AT_A_TIME = threading.RLock()
-"""Because OMPL's seed and log level belong to the process."""
+"""OMPL's seed and log level belong to the process."""
 
 
 def search_corners(
@@ -67,26 +69,20 @@ def search_corners(
     timeout_s: float,
     step_rad: float = EDGE_STEP_RAD,
 ) -> FloatArray | None:
-    """Corners from start to goal, the straight lines between them free at samples.
+    """Corners from start to goal; samples on the straight lines between them are free.
 
     Args:
         q_start: shape (n,), rad, inside the limits.
         q_goal: shape (n,), rad, inside the limits.
         limits: of those n joints; their positions bound the search.
-        is_free: whether a configuration is free. What it raises ends the search.
-        rng: seeds the search; the same numbers find the same corners, unless time is up.
-        timeout_s: when to give up.
+        is_free: whether a configuration is free. An exception that it raises ends the search.
+        rng: seeds the search; the same numbers find the same corners, unless the time expires.
+        timeout_s: maximum duration of the search.
         step_rad: distance between two samples, Euclidean in joint space.
 
     Returns:
-        Shape (m, n), rad, start and goal included; None when nothing was found in that time, or
+        Shape (m, n), rad, including start and goal; None when nothing was found in that time, or
         start or goal is not free.
-
-    Raises:
-        ConfigurationError: when start or goal has another shape, is not finite or outside the
-            limits.
-        MissingLibraryError: when OMPL cannot be loaded.
-        MotionError: when another argument makes no sense, or the limits are too wide to search.
     """
     expect(limits, JointLimits, "limits", MotionError)
     ends = limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")
@@ -104,11 +100,7 @@ def search_corners(
 
 
 def _load() -> Any:
-    """The library.
-
-    Raises:
-        MissingLibraryError: when it cannot be loaded; says what to do.
-    """
+    """Import OMPL, or raise an error that says what to do."""
     try:
         import ompl  # noqa: PLC0415 - only searches need it
     except ImportError as cause:
@@ -130,16 +122,16 @@ def _what_to_do(cause: ImportError) -> str:
 def _fraction(limits: JointLimits, step_rad: float) -> float:
     with np.errstate(over="ignore"):
         extent = float(np.linalg.norm(limits.q_max - limits.q_min))
-    if step_rad < FINEST_FRACTION * extent:
+    if step_rad < MIN_FRACTION * extent:
         raise MotionError(
             f"the position limits span {extent:.3g} rad; that is too wide to search in steps of "
             f"{step_rad:g} rad: give narrower ones"
         )
-    return min(step_rad / extent, COARSEST_FRACTION)
+    return min(step_rad / extent, MAX_STEP_FRACTION)
 
 
 def _until(deadline_s: float, is_free: IsFree) -> IsFree:
-    """As long as there is time; then nothing is free, which ends an edge in the middle."""
+    """`is_free` until the deadline; afterwards nothing is free, which also ends an edge."""
     return lambda q: time.monotonic() < deadline_s and bool(is_free(q))
 
 
@@ -180,7 +172,7 @@ def _solution(
     states = [_state(space, q) for q in ends]
     problem.setStartAndGoalStates(*states)
     search = ompl.geometric.RRTConnect(space)
-    search.setRange(LONGEST_EDGE_RAD)
+    search.setRange(MAX_EDGE_RAD)
     search.setProblemDefinition(problem)
     search.setup()
     search.solve(ompl.base.PlannerTerminationCondition(lambda: time.monotonic() >= deadline_s))

@@ -25,36 +25,37 @@ from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
 from planner.trajectory import Trajectory
 
-LEAST_LENGTH = 1e-9
-"""A line shorter than this, in m and rad together, is a point: positions are known no better."""
+MIN_LENGTH = 1e-9
+"""A line shorter than this, in m and rad combined, is a point: positions have no better
+accuracy."""
 
-LEAST_TRAVEL_M = 1e-6
-"""A turn whose tip travels less is one on the spot."""
+MIN_TRAVEL_M = 1e-6
+"""A motion whose tip travels less than this is a rotation in place."""
 
 HALF_TURN_MARGIN_RAD = 1e-6
-"""Rotations closer to half a turn than this have no shortest way: either sense is as good."""
+"""Rotations closer than this to half a turn have no unique shortest way."""
 
-FARTHEST = 1e6
-"""How many times its length a line may be followed, either way; beyond, turns lose digits."""
+MAX_FRACTION = 1e6
+"""Maximum extrapolation of a line, in multiples of its length; beyond, rotations lose digits."""
 
-LEAST_M, LEAST_RAD = 2e-6, 1e-5
-"""Of a tolerance: poses at the ends of lines are exact within a hundredth of that."""
+MIN_TOLERANCE_M, MIN_TOLERANCE_RAD = 2e-6, 1e-5
+"""Minimum tolerances: poses at the ends of lines are exact within a hundredth of these."""
 
 STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
-"""How far a tip may be off its line unless said otherwise."""
+"""Default tolerances."""
 
 
 @value(error=MotionError, eq=True)
 class LineTolerance:
-    """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
+    """Maximum deviation of a tip from its line; by default 0.1 mm and 0.02 deg.
 
     Attributes:
-        position_m: from the line; from `LEAST_M` on.
-        rotation_rad: from the orientation that belongs to the nearest point of it; from `LEAST_RAD`
-            on, below half a turn.
+        position_m: distance from the line; at least `MIN_TOLERANCE_M`.
+        rotation_rad: angle to the orientation at the nearest point of the line; at least
+            `MIN_TOLERANCE_RAD`, below half a turn.
 
     Raises:
-        MotionError: when one is no such number.
+        MotionError: when a value is not a number in its range.
     """
 
     position_m: float = scalar(default=STRICT_M, what="line tolerance position_m")
@@ -62,8 +63,8 @@ class LineTolerance:
 
     def __attrs_post_init__(self) -> None:
         for name, given, low, high in (
-            ("position_m", self.position_m, LEAST_M, FARTHEST_M),
-            ("rotation_rad", self.rotation_rad, LEAST_RAD, math.pi),
+            ("position_m", self.position_m, MIN_TOLERANCE_M, FARTHEST_M),
+            ("rotation_rad", self.rotation_rad, MIN_TOLERANCE_RAD, math.pi),
         ):
             if not low <= given < high:
                 raise MotionError(
@@ -75,11 +76,11 @@ class LineTolerance:
 
 
 STRICT = LineTolerance()
-"""What is kept unless said otherwise."""
+"""The default tolerance."""
 
 
 def _orthonormal(pose: PoseLike) -> pin.SE3:
-    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
+    """The pose with the nearest rotation matrix, as rounded digits may leave it inexact."""
     T = checked_pose(pose)
     farthest = float(np.abs(T.translation).max())
     if farthest > FARTHEST_M:
@@ -130,58 +131,53 @@ class StraightLine:
 
     @property
     def length_m(self) -> float:
-        """How far the tip travels."""
+        """Travel of the tip."""
         return float(np.linalg.norm(self.twist[:3]))
 
     @property
     def angle_rad(self) -> float:
-        """How much it turns, below half a turn."""
+        """Angle of the rotation, below half a turn."""
         return float(np.linalg.norm(self.twist[3:]))
 
     @property
     def is_point(self) -> bool:
-        """Whether it is shorter than `LEAST_LENGTH`."""
-        return bool(np.linalg.norm(self.twist) < LEAST_LENGTH)
+        """Whether the line is shorter than `MIN_LENGTH`."""
+        return bool(np.linalg.norm(self.twist) < MIN_LENGTH)
 
     def at(self, s: float) -> pin.SE3:
-        """The pose at a fraction of the way; beyond 0..1 the line goes on, to `FARTHEST`.
+        """The pose at a fraction of the way; the line extends beyond 0..1, up to `MAX_FRACTION`.
 
         Raises:
-            MotionError: when `s` is no number, or farther.
+            MotionError: when `s` is not a number, or beyond that.
         """
         s = finite_scalar(s, "s", MotionError)
-        if abs(s) > FARTHEST:
-            raise MotionError(f"s is a fraction of the way, to {FARTHEST:g} times it; got {s:g}")
+        if abs(s) > MAX_FRACTION:
+            raise MotionError(
+                f"s is a fraction of the way, to {MAX_FRACTION:g} times it; got {s:g}"
+            )
         R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
         return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
 
     def nearest(self, T_base_tip: pin.SE3) -> float:
-        """The fraction of the way whose position is nearest; of a turn on the spot, whose turn is.
+        """The fraction whose position is nearest; for a rotation in place, whose orientation is.
 
         Not bounded by 0..1; 0 where the line is a point.
-
-        Raises:
-            MotionError: when the pose is no SE3.
         """
         T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
         way, turn = np.split(self.twist, 2)
-        if self.length_m < LEAST_TRAVEL_M and self.angle_rad > LEAST_LENGTH:
+        if self.length_m < MIN_TRAVEL_M and self.angle_rad > MIN_LENGTH:
             return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
-        return float(way @ (T.translation - start.translation) / max(way @ way, LEAST_LENGTH**2))
+        return float(way @ (T.translation - start.translation) / max(way @ way, MIN_LENGTH**2))
 
     def off(self, T_base_tips: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """How far tips, shape (m, 4, 4), are off its nearest points: m and rad, shape (m,) each.
-
-        Raises:
-            MotionError: when the tips have another shape or are not finite.
-        """
+        """Deviation of tips, shape (m, 4, 4), from the line: m and rad, shape (m,) each."""
         given = float_array(T_base_tips, "T_base_tips", MotionError)
         T = finite_array(given, (given.size // 16, 4, 4), "T_base_tips", MotionError)
         (way, turn), away = np.split(self.twist, 2), T[:, :3, 3] - self.T_base_start.translation
-        s = away @ way / max(way @ way, LEAST_LENGTH**2)
-        if self.length_m < LEAST_TRAVEL_M:  # by the turns of the tips
+        s = away @ way / max(way @ way, MIN_LENGTH**2)
+        if self.length_m < MIN_TRAVEL_M:  # by the turns of the tips
             s = np.array([self.nearest(pin.SE3(tip)) for tip in T])
-        axis = turn / max(self.angle_rad, LEAST_LENGTH)
+        axis = turn / max(self.angle_rad, MIN_LENGTH)
         turns = JointChain(np.eye(4)[None], axis[None]).poses(s[:, None] * self.angle_rad)
         R = (turns[:, 0, :3, :3] @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
         sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
@@ -190,11 +186,7 @@ class StraightLine:
         return np.linalg.norm(away - s[:, None] * way, axis=1), off_rad
 
     def error(self, s: float, T_base_tip: pin.SE3) -> FloatArray:
-        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.
-
-        Raises:
-            MotionError: when `s` is no such fraction, or the pose no SE3.
-        """
+        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base."""
         R = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError).rotation
         wanted = self.at(s)
         turn = R @ pin.log3(R.T @ wanted.rotation)
@@ -205,49 +197,55 @@ class StraightLine:
         return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
 
 
-INTERVAL_M, INTERVAL_RAD = 0.011, 0.05
-"""How far the tip goes and turns in an interval of a line on average, at most, lest it leaves the
+MAX_INTERVAL_M, MAX_INTERVAL_RAD = 0.011, 0.05
+"""Maximum average travel and rotation of the tip in an interval of a line, so that it keeps to the
 line in between."""
 
-LOOKS, SHARE = 4, 0.9
-"""How often the tip is looked at in an interval, and the share of a tolerance that it may be off
-there, for what is between two looks."""
+SAMPLES_PER_INTERVAL, SAMPLED_SHARE = 4, 0.9
+"""Number of samples in an interval, and the share of a tolerance allowed there; the rest is for
+what lies between two samples."""
 
-BETWEEN = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
-"""What is left of a tolerance for what is between two knots, m and rad, but not more than these
-shares of it."""
+RESERVED = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
+"""Part of a tolerance that is reserved for the deviation between two knots, m and rad; at most 0.55
+and 0.65 of the default ones."""
 
-TINY = 1e-7
-"""Tolerances at knots, m, are no less, and turns, rad, count as no less."""
+MIN_KNOT_TOLERANCE = 1e-7
+"""Minimum tolerance at knots, m, and minimum angle that counts as a rotation, rad."""
 
 
 def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
-    """Whether the tip keeps to a line, looked at between the knots too."""
-    looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
-    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(looks).q))
-    is_near = (off_m <= SHARE * tolerance.position_m) & (off_rad <= SHARE * tolerance.rotation_rad)
+    """Whether the tip keeps to a line, at samples between the knots as well."""
+    times = np.linspace(0.0, motion.duration, SAMPLES_PER_INTERVAL * (len(motion.knots_s) - 1) + 1)
+    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(times).q))
+    is_near = (off_m <= SAMPLED_SHARE * tolerance.position_m) & (
+        off_rad <= SAMPLED_SHARE * tolerance.rotation_rad
+    )
     return bool(is_near.all())
 
 
-def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tuple[float, float]:
-    """How far the tip may be off lines at knots, along and about each axis, m and rad.
+def knot_tolerance(
+    tolerance: LineTolerance, lines: Sequence[StraightLine] = ()
+) -> tuple[float, float]:
+    """Tolerances at knots, along and about each axis, m and rad.
 
-    Less where a tip that is ahead of its turn on the line would be turned by more.
+    Smaller where the rotation of a tip that is ahead on the line would be off by more.
     """
-    most = SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
-    between = np.minimum(BETWEEN, 0.65 * most / SHARE)
+    most = SAMPLED_SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
+    between = np.minimum(RESERVED, 0.65 * most / SAMPLED_SHARE)
     position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
     for line in lines:
-        position_m = min(position_m, rotation_rad * line.length_m / max(line.angle_rad, TINY))
-    return max(position_m, TINY), rotation_rad
+        position_m = min(
+            position_m, rotation_rad * line.length_m / max(line.angle_rad, MIN_KNOT_TOLERANCE)
+        )
+    return max(position_m, MIN_KNOT_TOLERANCE), rotation_rad
 
 
-def intervals_on(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
-    """How many a line has, so many at least; in steps, so that there are few programs.
+def intervals_of(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
+    """Number of intervals on a line, at least `fewest`; quantised, so that there are few programs.
 
-    What a spline leaves between knots goes with the fourth power of their distance.
+    The deviation of a spline between knots grows with the fourth power of their distance.
     """
-    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD, fewest)
+    needed = max(line.length_m / MAX_INTERVAL_M, line.angle_rad / MAX_INTERVAL_RAD, fewest)
     tighter = (
         STRICT.position_m / tolerance.position_m,
         STRICT.rotation_rad / tolerance.rotation_rad,

@@ -1,4 +1,4 @@
-"""Straight-line tip motion, timed to the joints' own limits, as a motion program of one phase."""
+"""Straight-line motion of the tip at the joints' own limits, as a motion program of one phase."""
 
 from __future__ import annotations
 
@@ -20,34 +20,35 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.program.guess import Followed, along, drawn_to
+from planner.motion.program.guess import LineFollowed, bent_to, guess_along
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import (
     STRICT,
     LineTolerance,
     StraightLine,
-    at_knots,
-    intervals_on,
+    intervals_of,
     is_on_line,
+    knot_tolerance,
 )
 from planner.trajectory import Trajectory
 
-FEWEST = 20
-"""Intervals of a line, at least."""
+MIN_INTERVALS = 20
+"""Minimum number of intervals on a line."""
 
-HALVINGS = 3
-"""How often intervals are halved where it does."""
+MAX_HALVINGS = 3
+"""How often intervals are halved when the tip leaves its line between knots."""
 
-SHORT = 1e-4
-"""Lines up to this, in m and rad together, are straight in joint space but near singularities."""
+MAX_JOINT_LINE = 1e-4
+"""Lines up to this length, in m and rad combined, are straight in joint space except near
+singularities."""
 
-OTHERS, TURNS, APART_RAD, GAIN = 4, 192, 0.12, 0.99
-"""How many other solutions of a goal guesses are drawn to, at most; from samples at so many angles
-of s0; how far apart they are in one joint at least; and what share of the time must suffice."""
+MAX_OTHERS, TURNS, MIN_DIFFERENCE_RAD, MAX_TIME_RATIO = 4, 192, 0.12, 0.99
+"""Maximum number of other solutions of the goal that are tried; number of sampled angles of s0;
+minimum distance of these solutions in some joint; maximum ratio of times that is an improvement."""
 
-NEAR_LIMIT_RAD = 1e-6
-"""A joint so near to a limit is at it."""
+LIMIT_TOLERANCE_RAD = 1e-6
+"""A joint closer than this to a limit is at the limit."""
 
 
 def plan_straight_move(
@@ -66,35 +67,35 @@ def plan_straight_move(
 ) -> Trajectory:
     """The fastest motion that takes the tip along a straight line; from rest to rest by default.
 
-    The tip's position stays on the line between its pose at `q_start` and `T_base_goal`, its
+    The tip's position stays on the line from its pose at `q_start` to `T_base_goal`, and its
     orientation on the shortest rotation between both, at the same fraction of the way, within the
-    tolerance, and at both ends within 1e-8. The arm's self-motion is free; no IK branch is jumped.
-    Other optima are sought by way of `IKService`, which may have to be compiled first. Where the
-    line is shorter than `straight_line.LEAST_LENGTH` (m and rad together), the motion has no
-    duration. Where no fast motion is found, the arm goes from knot to knot of the line.
+    tolerance, and at both ends within 1e-8. The arm's self-motion is free; it does not jump between
+    IK branches. Other local optima are searched with `IKService`, which may have to be compiled
+    first. A line shorter than `straight_line.MIN_LENGTH` (m and rad combined) gives a motion of
+    zero duration. Where no fast motion is found, the arm moves from knot to knot of the line.
 
     Args:
-        arm: whose tip moves.
-        q_start: where the arm stands, shape (7,), rad, inside the limits.
-        T_base_goal: where the tip ends, seen from base; less than half a turn away.
+        arm: the arm whose tip moves.
+        q_start: initial configuration, shape (7,), rad, inside the limits.
+        T_base_goal: final pose of the tip in base; less than half a turn away.
         limits: of the arm's joints.
-        speed_start_m_s: of the tip along the line, where the motion starts; not negative.
-        acceleration_start_m_s2: of the tip along the line, there.
-        speed_end_m_s: the same where it ends.
-        acceleration_end_m_s2: the same.
-        line_tolerance: how far the tip may be off.
-        fineness: how many times as many intervals of constant jerk as usual, 1 to 16: more take
-            longer and come nearer to the optimum.
+        speed_start_m_s: initial speed of the tip along the line, not negative.
+        acceleration_start_m_s2: initial acceleration of the tip along the line.
+        speed_end_m_s: final speed of the tip along the line, not negative.
+        acceleration_end_m_s2: final acceleration of the tip along the line.
+        line_tolerance: maximum deviation of the tip.
+        fineness: multiplies the number of intervals of constant jerk, 1 to 16: more take longer and
+            come closer to the optimum.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
+            without a warning.
 
     Raises:
         ConfigurationError: when `q_start` has another shape, is not finite or outside the limits.
-        PoseError: when `T_base_goal` is no pose.
-        StraightMoveError: when the line leaves the arm's reach, crosses a singularity, leads a
-            joint to a limit, or turns by half a turn; with the fraction of it that steps of least
-            norm can follow.
+        PoseError: when `T_base_goal` is an invalid pose.
+        StraightMoveError: when the line leaves the arm's reach, crosses a singularity, drives a
+            joint into a limit, or turns by half a turn; with the fraction of it that least-norm
+            steps can follow.
         MotionError: when the limits are of other joints, the ends are too fast, or no motion is
             found.
     """
@@ -113,7 +114,7 @@ def plan_straight_move(
     )
     if line.is_point:
         return Trajectory.stay(q, limits)
-    task = MotionTask(q, (line,), at_knots(tolerance, (line,)), rates=rates)
+    task = MotionTask(q, (line,), knot_tolerance(tolerance, (line,)), rates=rates)
     times = whole_scalar(fineness, "fineness", MotionError, least=1, most=16)
     return _planned(arm, limits, task, tolerance, times)
 
@@ -124,29 +125,26 @@ def _planned(
     """The motion of a checked task.
 
     Optima are local. So the next guess ends in another solution of the goal, as long as there is
-    one that the arm, were it free to leave the line, could reach sooner than by what is known.
-
-    Raises:
-        MotionError: when there is none.
+    one that the arm could reach sooner than the best known motion, if it could leave the line.
     """
     (line,), is_at_rest = task.lines, not any(task.rates)
     motion = _near(arm, limits, task, tolerance, fineness)
     if motion is None:
-        told = "" if is_at_rest else " that has these speeds and accelerations at its ends"
+        ends = "" if is_at_rest else " that has these speeds and accelerations at its ends"
         raise MotionError(
             "no motion inside the limits was found along the line of "
-            f"{1e3 * line.length_m:.3g} mm{told}"
+            f"{1e3 * line.length_m:.3g} mm{ends}"
         )
-    if not is_at_rest or np.linalg.norm(line.twist) <= SHORT:
+    if not is_at_rest or np.linalg.norm(line.twist) <= MAX_JOINT_LINE:
         return motion
-    ends = sample_solutions(IKService(arm), line.T_base_goal, turns=TURNS)
-    least_s, q_known = rest_to_rest_s(ends - task.q_start, limits), motion.q_goal
-    for _ in range(OTHERS):
+    solutions = sample_solutions(IKService(arm), line.T_base_goal, turns=TURNS)
+    least_s, q_known = rest_to_rest_s(solutions - task.q_start, limits), motion.q_goal
+    for _ in range(MAX_OTHERS):
         for q in (q_known, motion.q_goal):
-            least_s[np.abs(ends - q).max(axis=1) < APART_RAD] = np.inf
-        if least_s.min(initial=np.inf) >= GAIN * motion.duration:
+            least_s[np.abs(solutions - q).max(axis=1) < MIN_DIFFERENCE_RAD] = np.inf
+        if least_s.min(initial=np.inf) >= MAX_TIME_RATIO * motion.duration:
             break
-        q_known = ends[least_s.argmin()]
+        q_known = solutions[least_s.argmin()]
         other = q_known, motion.duration
         motion = _near(arm, limits, task, tolerance, fineness, other=other) or motion
     return motion
@@ -161,34 +159,30 @@ def _near(
     *,
     other: tuple[FloatArray, float] | None = None,
 ) -> Trajectory | None:
-    """What is found near steps of least norm; or near those drawn to another end, if it is faster.
-
-    Raises:
-        MotionError: when the arm cannot follow the line, or would be too fast at an end.
-    """
+    """The motion near least-norm steps, or near a guess with another end if that is faster."""
     (line,), rates = task.lines, task.rates
-    intervals, is_at_rest = fineness * intervals_on(line, tolerance, FEWEST), not any(rates)
+    intervals, is_at_rest = fineness * intervals_of(line, tolerance, MIN_INTERVALS), not any(rates)
     enters, leaves = any(rates[:2]), any(rates[2:])
-    for _ in range(1 + HALVINGS):
-        guess = along(arm, limits, task.q_start, line, intervals, ends_at_rest=True)
-        if isinstance(guess, Followed):
+    for _ in range(1 + MAX_HALVINGS):
+        guess = guess_along(arm, limits, task.q_start, line, intervals, ends_at_rest=True)
+        if isinstance(guess, LineFollowed):
             if other is not None:
                 return None
             raise _why_not(arm, limits, line, guess)
-        if is_at_rest and np.linalg.norm(line.twist) <= SHORT:
+        if is_at_rest and np.linalg.norm(line.twist) <= MAX_JOINT_LINE:
             motion = plan_joint_move(task.q_start, guess.q[-1], limits)
             if is_on_line(arm, line, motion, tolerance):
                 return motion
         _refuse_too_fast(arm, limits, task, guess.q[-1])
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
         if other is not None:
-            guess = drawn_to(guess, *other)
+            guess = bent_to(guess, *other)
         found = _program(phase, len(limits.names)).solve([guess], task, arm, limits)
-        if other is not None and (found is None or found[0].duration >= GAIN * other[1]):
+        if other is not None and (found is None or found[0].duration >= MAX_TIME_RATIO * other[1]):
             return None
         if found is not None and is_on_line(arm, line, found[0], tolerance):
             return found[0]
-        if found is None and not is_at_rest and intervals > fineness * FEWEST:
+        if found is None and not is_at_rest and intervals > fineness * MIN_INTERVALS:
             break
         intervals *= 2
     if is_at_rest and other is None:
@@ -204,7 +198,7 @@ def _program(phase: Phase, joints: int) -> MotionProgram:
 
 
 def _rates(line: StraightLine, which: str, speed: float, acceleration: float) -> FloatArray:
-    """First and second derivative of the line's fraction by time, shape (2,)."""
+    """First and second time derivative of the line's fraction, shape (2,)."""
     speed = finite_scalar(speed, f"speed_{which}_m_s", MotionError)
     acceleration = finite_scalar(acceleration, f"acceleration_{which}_m_s2", MotionError)
     if speed < 0.0:
@@ -226,11 +220,7 @@ def _rates(line: StraightLine, which: str, speed: float, acceleration: float) ->
 
 
 def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: FloatArray) -> None:
-    """Stop where even the joint velocities of least norm at an end have more than all limits allow.
-
-    Raises:
-        MotionError: then; names the joint.
-    """
+    """Raise an error where even the least-norm joint velocities at an end exceed all limits."""
     for which, q, speed in (("start", task.q_start, task.rates[0]), ("end", q_end, task.rates[2])):
         v = np.linalg.lstsq(arm.jacobian(q), speed * task.lines[0].twist, rcond=None)[0]
         if np.linalg.norm(v) > np.linalg.norm(limits.v_max):
@@ -241,8 +231,10 @@ def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: Flo
             )
 
 
-def _why_not(arm: Arm, limits: JointLimits, line: StraightLine, end: Followed) -> StraightMoveError:
-    """Where following a line ended, and why."""
+def _why_not(
+    arm: Arm, limits: JointLimits, line: StraightLine, end: LineFollowed
+) -> StraightMoveError:
+    """Where the arm left the line, and why."""
     reason = _stopped(arm, limits, end.q)
     proof = ReachBound(arm).proof(line.T_base_goal)
     if proof is not None:
@@ -253,7 +245,7 @@ def _why_not(arm: Arm, limits: JointLimits, line: StraightLine, end: Followed) -
 
 def _stopped(arm: Arm, limits: JointLimits, q: FloatArray) -> str:
     for which, bound in (("lower", limits.q_min), ("upper", limits.q_max)):
-        at_limit = np.flatnonzero(np.abs(q - bound) <= NEAR_LIMIT_RAD)
+        at_limit = np.flatnonzero(np.abs(q - bound) <= LIMIT_TOLERANCE_RAD)
         if at_limit.size:
             i = int(at_limit[0])
             return (

@@ -1,44 +1,45 @@
-"""The tube: between which bounds an arm of a stated response is at any time of a motion.
+"""Tracking tube: bounds on the joints of an arm of a given response at any time of a motion.
 
 **Theorem.** Let a joint obey T(t) y' = w(t) - y, where T is any measurable function of time with
-values in [T_min, T_max], and w(t), the set-point in force, is one that was due at some time of the
-last W: w(t) = u(r) for some r in [t - W, t]. Let U(t) be the greatest u(r) of these, and let h obey
+values in [T_min, T_max], and w(t), the set-point in force, is one that was due at some time within
+the last W: w(t) = u(r) for some r in [t - W, t]. Let U(t) be the greatest u(r) of these, and let h
+obey
 
     h' = (U - h) / T_min  where U > h,        h' = (U - h) / T_max  where U <= h.
 
-If y(0) <= h(0), then y(t) <= h(t) ever after; likewise from below, with the least u(r).
+If y(0) <= h(0), then y(t) <= h(t) at all later times; likewise from below, with the least u(r).
 
 *Proof.* As w <= U, y' = (w - y) / T <= (U - y) / T <= g(U, y), the greater of both quotients, which
 is what h' is of h. It falls with y. Were y(t) > h(t) at some t, let t0 be the last time before at
 which y = h; then (y - h)' <= g(U, y) - g(U, h) <= 0 from t0 to t, so y - h does not rise from zero
 there: a contradiction. (Comparison of differential inequalities, Walter, "Differential and Integral
-Inequalities", 1970; for T_min = 0 take the limit: h jumps up to U.) Both bounds are reached, by
-the T and w that choose the greater quotient: for independent joints nothing smaller would do.
+Inequalities", 1970; for T_min = 0 take the limit: h jumps up to U.) Both bounds are attained, by
+the T and w that choose the greater quotient: for independent joints no tighter bounds hold.
 
-**As it is computed.** Time is cut into cells of `CELL_S` of plan time. In each, U is a constant
-that is no less: the greatest set-point at the ends of all cells that the window touches, plus what
-u can rise above them in between, which is an eighth of its greatest second derivative times the
-cell squared. Towards a constant, h moves as an exponential and never reaches it, so
+**Computation.** Time is divided into cells of `CELL_S` of plan time. In each, U is replaced
+by a constant upper bound: the greatest set-point at the ends of all cells that the window touches,
+plus what u can rise above them in between, which is an eighth of its greatest second derivative
+times the cell squared. Towards a constant, h moves as an exponential and never reaches it, so
 
     h(t + dt) = U + (h(t) - U) exp(-dt / T),    T = T_min or T_max by the sign of U - h(t),
 
-exactly, and h is monotone in the cell: its hull is that of its ends. `ROUNDING_RAD` is added.
+exactly, and h is monotone in the cell, so its range is that of its ends. `ROUNDING_RAD` is added.
 
-**The stream.** Set-points come at 100 Hz and are held: one tick of age. What is later, by jitter or
-because plan time stood still, is `Response.late_s`. A delay that all joints have in common, of a
-network, shifts all of it in time and changes nothing, as nothing but the arm moves meanwhile.
+**The stream.** Set-points come at 100 Hz and are held: one tick of age. Further delay, by jitter or
+because plan time stood still, is `Response.late_s`. A delay common to all joints, as of a network,
+shifts the whole tube in time and changes nothing else, as only the arm moves meanwhile.
 
 **A stream that halts.** Let plan time pass at any rate from zero to that of the speed. By plan time
 the joint obeys the same equation with T times that rate, which is in [0, T_max]. So the tube of
-T_min = 0 holds for every slower and every halting stream, however often and long; that of T_min > 0
-only for what `late_s` covers.
+T_min = 0 holds for every slower and every halting stream, however often and long it halts; that of
+T_min > 0 only for delays that `late_s` covers.
 
-**Rests.** Where a motion ends, its last set-point stands, and every bound goes on towards it. The
+**Rests.** Where a motion ends, its last set-point stands, and every bound converges to it. The
 next motion begins when all joints have been measured within `SETTLED_RAD` of it, and that set-point
 has stood for `Response.rest_s`, so that no older one is in force: at the earliest at the first
 instant s0 from then on at which the tube allows that; later than that the joints are nearer still.
-What may be then is cut by the time since s0 into `STARTS` boxes, so that joints that lag together
-are not taken for joints at their worst each; the next motion has a tube from each of them.
+The possible positions are divided by the time since s0 into `STARTS` boxes, so that joints that
+lag together are not treated as each at its worst; the next motion has a tube from each of them.
 """
 
 from __future__ import annotations
@@ -52,37 +53,37 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
 from planner.collision.continuous.joint_tube import JointTube
-from planner.motion.response import Response, left_over
+from planner.motion.response import Response, remaining_share
 from planner.trajectory import Trajectory
 
 CELL_S = 1e-3
-"""Of plan time; a tube is wider by what the set-point moves in it."""
+"""Of plan time; a tube is wider by the change of the set-point in a cell."""
 
 ROUNDING_RAD = 1e-7
-"""Jumps at knots are up to 1e-8 rad, and the errors of all cells together are below 1e-10."""
+"""Jumps at knots are at most 1e-8 rad, and the errors of all cells together are below 1e-10."""
 
 SETTLED_RAD = 0.0087
-"""The executor goes on when all joints are measured within this: half a degree, as the original."""
+"""The executor continues when all joints are measured within this: half a degree, as the
+original."""
 
 STARTS, START_SHARE = 6, 0.25
-"""Into how many boxes the begin of a motion is cut, and how long each is, in greatest lags."""
+"""Number of boxes for the start of a motion, and the duration of each in maximum lags."""
 
 JointRange: TypeAlias = tuple[FloatArray, FloatArray]
-"""Lowest and highest positions, each of shape (7,), rad."""
+"""Minimum and maximum positions, each of shape (7,), rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettlingTube:
-    """The tube of a motion, and of the rest at its end for ever after.
+    """The tube of a motion, and of the rest after it.
 
     Attributes:
-        tube: of y; the joints are off it by the settled error at most. Its last cell stands for all
-            times after.
-        settled_s: from when on all joints are measured as settled, at the earliest and at the
-            latest.
-        starts: boxes that hold y, together, whenever the next motion may begin.
-        rates: greatest speed of each joint, shape (7,), rad/s; infinite where a joint may catch up
-            at once.
+        tube: of y; the joints are within the settled error of it. Its last cell stands for all
+            later times.
+        settled_s: earliest and latest time from which all joints are measured as settled.
+        starts: boxes that together contain y whenever the next motion may begin.
+        rates: maximum speed of each joint, shape (7,), rad/s; infinite where a joint may catch up
+            immediately.
     """
 
     tube: JointTube
@@ -92,12 +93,12 @@ class SettlingTube:
 
 
 def tracking_tube(trajectory: Trajectory, response: Response, start: JointRange) -> SettlingTube:
-    """Where the joints of an arm may be while it is sent a motion that ends at rest.
+    """Bounds on the joints of an arm while it is sent a motion that ends at rest.
 
     Args:
         trajectory: as planned.
         response: of the arm, and how it is sent.
-        start: between which y is at the begin.
+        start: bounds on y at the beginning.
     """
     cell_s = CELL_S / response.speed
     highest_sent, lowest_sent = _sent(trajectory, response, cell_s)
@@ -122,7 +123,7 @@ def tracking_tube(trajectory: Trajectory, response: Response, start: JointRange)
 def _sent(
     trajectory: Trajectory, response: Response, cell_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Greatest and least set-points that may be in force in each cell, shape (m, 7) both.
+    """Maximum and minimum set-points that may be in force in each cell, shape (m, 7) both.
 
     Until only the last one may be.
     """
@@ -147,10 +148,10 @@ def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: fl
     Args:
         start: at the first one, shape (7,).
         sent: upper bounds on set-points in each cell, shape (m, 7).
-        lag_s: least and greatest, shape (7, 2).
-        cell_s: how long a cell is.
+        lag_s: minimum and maximum, shape (7, 2).
+        cell_s: duration of a cell.
     """
-    rising, falling = left_over(cell_s, lag_s[:, 0]), left_over(cell_s, lag_s[:, 1])
+    rising, falling = remaining_share(cell_s, lag_s[:, 0]), remaining_share(cell_s, lag_s[:, 1])
     bounds = np.empty((len(sent) + 1, sent.shape[1]))
     bounds[0] = bound = np.array(start)
     for number, aim in enumerate(sent):
@@ -163,7 +164,7 @@ def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: fl
 def _rates(
     low: FloatArray, high: FloatArray, sent: JointRange, response: Response, cell_s: float
 ) -> FloatArray:
-    """Greatest |w - y| / T; of a joint without lag, that of the set-points."""
+    """Maximum |w - y| / T; of a joint without lag, that of the set-points."""
     ahead = (sent[1] - np.minimum(low[:-1], low[1:])).max(axis=0)
     behind = (np.maximum(high[:-1], high[1:]) - sent[0]).max(axis=0)
     least, most = response.lag_s.T
@@ -176,7 +177,7 @@ def _rates(
 
 
 class _Rest:
-    """The bounds from when on only the last set-point is in force.
+    """The bounds once only the last set-point is in force.
 
     Attributes:
         goal: that set-point.
@@ -194,17 +195,17 @@ class _Rest:
 
     @property
     def settled_s(self) -> tuple[float, float]:
-        """When all joints are measured as settled, at the earliest and at the latest."""
+        """Earliest and latest time at which all joints are measured as settled."""
         nearest = np.maximum(np.maximum(self._low, -self._high), 0.0)
         farthest = np.maximum(self._high, -self._low)
         return self._until(nearest, self._lag_s[:, 0]), self._until(farthest, self._lag_s[:, 1])
 
     def cells(self, cell_s: float) -> int:
-        """How many cells it takes until all are settled, and another greatest lag."""
+        """Number of cells until all joints are settled, plus one maximum lag."""
         return int(np.ceil((self.settled_s[1] + float(self._lag_s.max())) / cell_s)) + 1
 
     def starts(self) -> Iterator[JointRange]:
-        """Boxes that hold what may be when all joints are measured as settled."""
+        """Boxes that contain the possible positions when all joints are measured as settled."""
         first_s, part_s = self.settled_s[0], START_SHARE * float(self._lag_s.max())
         for number in range(STARTS):
             lows, highs = self._off(first_s + part_s * np.array([[number], [number + 1]]))
@@ -216,14 +217,14 @@ class _Rest:
                 yield self.goal + low, self.goal + high
 
     def _off(self, after_s: FloatArray) -> JointRange:
-        """The bounds less the goal, at times of shape (k, 1)."""
-        least, most = (left_over(after_s, lag_s) for lag_s in self._lag_s.T)
+        """The bounds relative to the goal, at times of shape (k, 1)."""
+        least, most = (remaining_share(after_s, lag_s) for lag_s in self._lag_s.T)
         low = self._low * np.where(self._low > 0.0, least, most)
         high = self._high * np.where(self._high < 0.0, least, most)
         return low, high
 
     def _until(self, off: FloatArray, lag_s: FloatArray) -> float:
-        """When all of these distances have become less than what counts as settled."""
+        """The time after which all of these distances count as settled."""
         is_off: NDArray[np.bool_] = off > self._tolerance
         ratio = np.where(is_off, off / self._tolerance, 1.0)
         return float((lag_s * np.log(ratio)).max())

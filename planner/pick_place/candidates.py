@@ -1,8 +1,8 @@
 """Candidates: which IK solutions at pick and place are tried, and in which order.
 
-Solutions all over both solution sets are compared by the times of direct motions from rest to
-rest, in closed form: from the start to the pick, on to the place, and up from there. What fails
-teaches which pairs not to try.
+Samples of both solution sets are ranked by the durations of direct motions from rest to rest, in
+closed form: from the start to the pick, on to the place, and up from there. Failures exclude
+similar pairs.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from planner.pick_place.task import PICK_LINES, PLACE_LINES, PickAndPlace, PlanR
 from planner.plan import CollisionSummary, PlanFailure
 
 BOUND_TURNS = 192
-"""Angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""
+"""Number of angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""
 
 NEIGHBOURHOOD_RAD = 0.15
-"""Solutions nearer to each other than this in every joint collide alike: two steps of the samples
+"""Solutions closer than this in every joint are expected to collide alike: two steps of the samples
 in the angle of s0."""
 
 
@@ -47,9 +47,8 @@ class Solutions:
     Attributes:
         stage: label of the move that ends there.
         qs: shape (n, 7), rad.
-        is_free: whether the one of a number is.
-        has_room: whether it also keeps the distance that searches for a way around keep; what has
-            is free.
+        is_free: whether the solution of a number is free.
+        has_room: whether it also keeps the distance that searches for paths keep; it is then free.
     """
 
     def __init__(self, stage: str, qs: FloatArray, context: CollisionContext) -> None:
@@ -59,19 +58,15 @@ class Solutions:
         self.has_room = cache(lambda index: roomy.is_free(qs[index]))
 
     def near(self, index: int) -> Indices:
-        """Which of them are near one, itself among them."""
+        """Numbers of the solutions near one, including itself."""
         return np.flatnonzero(np.abs(self.qs - self.qs[index]).max(axis=1) < NEIGHBOURHOOD_RAD)
 
     def summary(self) -> CollisionSummary:
-        """How many collide, and with what."""
+        """How many solutions collide, and with what."""
         return CollisionSummary.of(self.stage, self.qs, self._context)
 
     def refuse_none_free(self) -> None:
-        """Stop when all of them collide.
-
-        Raises:
-            NoSolutionError: then.
-        """
+        """Raise NoSolutionError when all solutions collide."""
         if not len(self.qs):
             raise NoSolutionError.at(
                 self.stage, "no solution leads on to where the cycle ends", is_certain=True
@@ -85,7 +80,7 @@ class Solutions:
 
 
 class Candidates:
-    """Pairs of solutions, in the order of the times that they promise.
+    """Pairs of solutions, ordered by the expected duration of the cycle.
 
     Attributes:
         picks: solutions at the pick, shape (n, 7), rad.
@@ -94,7 +89,7 @@ class Candidates:
     """
 
     def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
-        """All pairs of samples of both solution sets."""
+        """Combine all samples of both solution sets."""
         ik, limits = request.manipulator.ik, request.manipulator.limits
         self.picks, places = (_samples(ik, T) for T in (task.T_base_pick, task.T_base_place))
         self.places, q_ends = _leading_to(ik, places, task.T_base_end)
@@ -111,9 +106,9 @@ class Candidates:
         return CandidatePair(self.picks[pick], self.places[place])
 
     def open_ones(self, picks: Solutions, places: Solutions) -> Iterator[tuple[int, int]]:
-        """Those worth trying by what is known when each is asked for.
+        """Pairs that are not excluded at the time when each is requested.
 
-        Those with room around them come first, among them the fastest.
+        Those with room around them come first; within each group, the fastest.
         """
         closed, pairs = self._closed, self.order.tolist()
         has_room = cache(lambda i, j: picks.has_room(i) and places.has_room(j))
@@ -123,12 +118,12 @@ class Candidates:
                 yield i, j
 
     def close(self, picks: Indices, places: Indices, stage: str) -> bool:
-        """Give up what is like a pair that failed at a stage; True if it failed sideways.
+        """Exclude pairs that are like one that failed at a stage; True if it failed sideways.
 
         Args:
             picks: numbers of the solutions near that of the pair.
             places: likewise.
-            stage: a line up or down speaks against its solution, the others against the pair.
+            stage: a line up or down excludes its solution, other stages the pair.
         """
         if stage in PICK_LINES:
             self._closed[picks] = True
@@ -142,14 +137,14 @@ class Candidates:
 def transfer_bound_s(
     ik: IKService, limits: JointLimits, T_base_pick: pin.SE3, T_base_place: pin.SE3
 ) -> float:
-    """The time of the fastest direct motion from any solution of one pose to any of the other.
+    """The duration of the fastest direct motion from any solution of one pose to any of the other.
 
-    From rest to rest, over samples of both solution sets: no way from pick to place is faster, but
-    for what lies between the samples. Infinite where a pose has no solution.
+    From rest to rest, over samples of both solution sets: a lower bound for any motion from pick to
+    place, up to what lies between the samples. Infinite where a pose has no solution.
 
     Raises:
-        PoseError: when a pose is not a valid one.
-        RequestError: when `ik` is no service.
+        PoseError: when a pose is invalid.
+        RequestError: when `ik` is not an `IKService`.
         MotionError: when `limits` are of another class, or of another number of joints.
     """
     expect(limits, JointLimits, "limits", MotionError)
@@ -161,7 +156,7 @@ def transfer_bound_s(
 
 
 def _samples(ik: IKService, T_base_tip: pin.SE3) -> FloatArray:
-    """Samples; where all of them miss a small solution set, the one that the service finds."""
+    """Samples; where all of them miss a small solution set, the solution of the service."""
     samples = sample_solutions(ik, T_base_tip)
     found = ik.solve(T_base_tip)
     return found.q[None] if not len(samples) and found.is_valid else samples
@@ -170,7 +165,7 @@ def _samples(ik: IKService, T_base_tip: pin.SE3) -> FloatArray:
 def _leading_to(
     ik: IKService, qs: FloatArray, T_base_tip: pin.SE3
 ) -> tuple[FloatArray, FloatArray]:
-    """Those configurations from which the search reaches a pose, and where it arrives."""
+    """The configurations from which the search reaches a pose, and its results."""
     if not len(qs):
         return qs, qs
     found = ik.search.search(qs, np.repeat(T_base_tip.homogeneous[None], len(qs), axis=0))

@@ -1,12 +1,12 @@
-"""Search for the shortest cycle of a pick and place that is free of collision.
+"""Search for the shortest collision-free cycle of a pick and place.
 
-Pairs of IK solutions at pick and place are tried in the order of the times that they promise; those
-that collide where they stand are left out. From the first few the six motions are planned as one
-program (`CycleProgram`), which hardly depends on the pair, and led around what they meet sideways.
-Where that fails, a cycle is sought that stops above pick and place, with free moves in between.
-What fails teaches which pairs not to try: a line up or down speaks against its solution
-and the neighbours of that, a sideways motion against the neighbours of the pair. What was found so
-is the guess for the same program, whose motion takes its place where that is clear and faster.
+Pairs of IK solutions at pick and place are tried in the order of their expected durations; those
+that collide at rest are excluded. For the first few, the six motions are planned as one program
+(`CycleProgram`), whose result hardly depends on the pair, and led around obstacles to sideways
+motion. Where that fails, a cycle is sought that stops above pick and place, with free moves in
+between. Failures exclude pairs: a line up or down excludes its solution and the neighbours of that,
+a sideways motion the neighbours of the pair. The cycle found is the guess for the same program,
+whose result replaces it if it is clear and faster.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from planner.pick_place.plan_builder import (
 from planner.pick_place.task import MOVES, SIDEWAYS, STAGES, PickAndPlace, PlanRequest
 from planner.plan import GripperAction, Plan, PlanFailure
 
-MOST_OPTIMISED = 4
-"""Pairs whose cycles are planned as one program, before others are tried."""
+MAX_OPTIMISED = 4
+"""Maximum number of pairs whose cycles are planned as one program."""
 
-DIFFERENT_RAD = 0.4
-"""By how much some joint differs between two of these."""
+MIN_DIFFERENCE_RAD = 0.4
+"""Minimum difference of some joint between two of these."""
 
-SAME_S, SAME_RAD = 2e-3, 0.02
+SAME_OPTIMUM_S, SAME_OPTIMUM_RAD = 2e-3, 0.02
 """Cycles that differ by less are the same optimum."""
 
-MOST_TRIED, MOST_SIDEWAYS = 16, 3
-"""Pairs that are tried one motion at a time, and those of them whose sideways motions fail."""
+MAX_TRIED, MAX_SIDEWAYS = 16, 3
+"""Maximum number of pairs tried one motion at a time, and of those whose sideways motions fail."""
 
 PROVEN_FIRST = (
     "pick: descend",
@@ -52,7 +52,7 @@ PROVEN_FIRST = (
     "pick: approach",
     "place: approach",
 )
-"""The order in which motions are proven: those first that rule out most others."""
+"""The order in which motions are proven: those that exclude most others first."""
 
 
 class CycleSearch:
@@ -64,7 +64,7 @@ class CycleSearch:
 
     @cached_property
     def _program(self) -> CycleProgram:
-        """Made once the waypoints are known to be within reach."""
+        """Made once the waypoints are known to be reachable."""
         return CycleProgram(self._request, self._task)
 
     @cached_property
@@ -72,11 +72,11 @@ class CycleSearch:
         return Candidates(self._request, self._task)
 
     def shortest(self) -> Plan:
-        """The plan of the shortest cycle that was found, or why there is none."""
+        """The plan of the shortest cycle found, or why there is none."""
         try:
             self._refuse_unreachable()
             self._make_phases()
-            self._look()
+            self._check_solutions()
             for plan in self._fastest():
                 if plan.failure is None:
                     return plan
@@ -92,11 +92,7 @@ class CycleSearch:
         return self._nearest_miss()
 
     def _refuse_unreachable(self) -> None:
-        """Whether every waypoint can be reached at all.
-
-        Raises:
-            NoSolutionError: when one cannot.
-        """
+        """Raise an error when a waypoint is unreachable."""
         q, task = self._request.q_start, self._task
         for label, T_base_tip in (
             ("pick: approach", task.T_base_above_pick),
@@ -111,11 +107,9 @@ class CycleSearch:
             q = ik.q
 
     def _make_phases(self) -> None:
-        """Find the situations.
+        """Derive the situations.
 
-        Raises:
-            NoSolutionError: when there is none: that the hand cannot be there, before that it
-                would not hold.
+        A hand that cannot be at the pick is reported before a grasp that would not hold.
         """
         maker = PhaseMaker(self._request, self._task)
         try:
@@ -127,12 +121,8 @@ class CycleSearch:
             raise
         self._contexts = self._phases.contexts
 
-    def _look(self) -> None:
-        """Look whether some solutions are free, at pick and place.
-
-        Raises:
-            NoSolutionError: when one of these does not hold.
-        """
+    def _check_solutions(self) -> None:
+        """Raise an error when no solution at pick or place is free."""
         contexts, found = self._contexts, self._candidates
         refuse_blocked(
             "pick: approach", self._request.q_start, contexts["pick: approach"], "where it stands"
@@ -149,13 +139,13 @@ class CycleSearch:
     def _fastest(self) -> Iterator[Plan]:
         """Cycles whose six motions are one program, from the first few pairs that differ.
 
-        The first one that collides sideways is led around what is there. Where every one collides
-        on a line, the first of these is. Failures rule out no pairs: the program leaves the
-        solutions that it begins from.
+        The first one that collides sideways is led around obstacles. Where each one collides on a
+        line, the first of these is. Failures exclude no pairs: the program moves away from its
+        initial solutions.
         """
         tried: list[Cycle] = []
         on_a_line: Cycle | None = None
-        for pair in islice(self._different(), MOST_OPTIMISED):
+        for pair in islice(self._different(), MAX_OPTIMISED):
             cycle = self._program.of(pair)
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
                 continue
@@ -175,16 +165,16 @@ class CycleSearch:
             yield from map(self._along, led)
 
     def _different(self) -> Iterator[CandidatePair]:
-        """Open pairs in order, but for those too near to one before."""
+        """Open pairs in order, except for those close to an earlier one."""
         chosen: list[CandidatePair] = []
         open_ones = self._candidates.open_ones(self._picks, self._places)
         for pair in (self._candidates.pair(*each) for each in open_ones):
-            if all(np.abs(np.subtract(pair, other)).max() > DIFFERENT_RAD for other in chosen):
+            if all(np.abs(np.subtract(pair, other)).max() > MIN_DIFFERENCE_RAD for other in chosen):
                 chosen.append(pair)
                 yield pair
 
     def _improved(self, plan: Plan) -> Plan:
-        """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
+        """The fastest cycle near a plan's, if it is shorter and proven; else the plan."""
         cycle = Cycle(*(move.trajectory for move in plan.moves))
         for faster in self._faster(cycle):
             if faster.duration_s < plan.motion_time_s:
@@ -200,10 +190,10 @@ class CycleSearch:
         yield from self._program.around(cycle, self._contexts)
 
     def _stopping(self) -> Iterator[Plan]:
-        """Cycles that stop above pick and place; a pair that fails closes others like it."""
+        """Cycles that stop above pick and place; a pair that fails excludes similar ones."""
         cycles = StoppingCycles(self._request, self._task, self._contexts)
         sideways = 0
-        for i, j in islice(self._candidates.open_ones(self._picks, self._places), MOST_TRIED):
+        for i, j in islice(self._candidates.open_ones(self._picks, self._places), MAX_TRIED):
             try:
                 plan = self._along(*cycles.of(*self._candidates.pair(i, j)))
             except NoSolutionError as stop:
@@ -212,7 +202,7 @@ class CycleSearch:
             if plan.failure is not None:
                 alike = self._picks.near(i), self._places.near(j)
                 sideways += self._candidates.close(*alike, plan.failure.stage)
-            if sideways == MOST_SIDEWAYS:
+            if sideways == MAX_SIDEWAYS:
                 break
 
     def _along(self, cycle: Cycle, known: Mapping[str, ProvenMotion] | None = None) -> Plan:
@@ -258,15 +248,15 @@ class CycleSearch:
         return self._missed[-1]
 
     def _nearest_miss(self) -> Plan:
-        """What there is of the plan that gets farthest, with what came of the others."""
+        """The incomplete plan that gets farthest, with a summary of the others."""
         missed = [(plan, plan.failure) for plan in self._missed if plan.failure is not None]
         best, nearest = max(missed, key=lambda each: _nearness(each[1]))
         failures = tuple(failure for _, failure in missed)
         tallies = tuple(
             tally for tally in (self._picks.summary(), self._places.summary()) if tally.colliding
         )
-        told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
-        reason = f"{nearest.reason} ({'; '.join(told)})"
+        parts = [_attempts(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
+        reason = f"{nearest.reason} ({'; '.join(parts)})"
         failure = evolve(nearest, reason=reason, tried=failures, tallies=tallies)
         return evolve(best, failure=failure)
 
@@ -278,8 +268,8 @@ def _nearness(failure: PlanFailure) -> tuple[int, float]:
     return STAGES.index(failure.stage), distance_m
 
 
-def _told(failures: tuple[PlanFailure, ...]) -> str:
-    """How many ways failed where."""
+def _attempts(failures: tuple[PlanFailure, ...]) -> str:
+    """How many attempts failed at which stage."""
     stages = Counter(failure.stage for failure in failures)
     if len(stages) == 1:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"
@@ -288,7 +278,7 @@ def _told(failures: tuple[PlanFailure, ...]) -> str:
 
 
 def _are_alike(one: Cycle, other: Cycle) -> bool:
-    """Whether two cycles came to the same optimum."""
-    return abs(one.duration_s - other.duration_s) < SAME_S and bool(
-        np.abs(one.q_pick - other.q_pick).max() < SAME_RAD
+    """Whether two cycles converged to the same optimum."""
+    return abs(one.duration_s - other.duration_s) < SAME_OPTIMUM_S and bool(
+        np.abs(one.q_pick - other.q_pick).max() < SAME_OPTIMUM_RAD
     )

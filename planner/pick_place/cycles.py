@@ -13,11 +13,11 @@ import pinocchio as pin
 from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
-from planner.motion.program.guess import Followed, along, backwards, between
-from planner.motion.program.motion_program import LED_CLEAR_M, MotionProgram, Motions, led_around
+from planner.motion.program.guess import LineFollowed, guess_along, guess_between, reversed_sketch
+from planner.motion.program.motion_program import EXTRA_MARGIN_M, MotionProgram, Motions, led_around
 from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
-from planner.motion.straight_line import StraightLine, at_knots, intervals_on, is_on_line
+from planner.motion.straight_line import StraightLine, intervals_of, is_on_line, knot_tolerance
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import CandidatePair
 from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
@@ -29,32 +29,33 @@ ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""
 
 LED_ENTRY, LED_ACROSS = 20, 28
-"""The same where the motion is led around obstacles, which takes more turns."""
+"""The same for motions around obstacles, which have more turns."""
 
 LED_ON_LINE = 1.5
-"""How many times as many intervals lines have where the arm is led around what it meets on one: an
-elbow that swings aside takes the tip off the line between knots."""
+"""Factor of the number of intervals on lines where the arm avoids a collision on one: an elbow that
+swings aside moves the tip off the line between knots."""
 
-LEAST_ON_LINE, MOST_ON_LINE, SHORTEST_LINE_M = 10, 80, 1e-4
-"""Intervals on a line. Longer and shorter lines are left to others."""
+MIN_ON_LINE, MAX_ON_LINE, MIN_LINE_M = 10, 80, 1e-4
+"""Bounds of the number of intervals on a line, and of its length. Other lines are planned one by
+one."""
 
-BELOW_M = 1e-6
-"""By so much the tip may sink, by rounding, where it shall not sink."""
+HEIGHT_TOLERANCE_M = 1e-6
+"""Rounding allowed where the tip must not sink."""
 
-RESTING: tuple[list[int], ...] = ([0], [-1], [0], [], [-1], [0, -1])
-"""Where the arm rests in each motion: at its first or its last knot."""
+RESTING_KNOTS: tuple[list[int], ...] = ([0], [-1], [0], [], [-1], [0, -1])
+"""The knots, first or last, at which the arm rests in each motion."""
 
 
 class CycleProgram:
     """The program of one task, for any pair of solutions."""
 
     def __init__(self, request: PlanRequest, task: PickAndPlace, *, fineness: int = 1) -> None:
-        """For an arm that stands somewhere.
+        """State the task.
 
         Args:
-            request: the arm, where it stands, and how far its tip may be off its lines.
+            request: the arm, its initial configuration, and the tolerance of its lines.
             task: what goes where.
-            fineness: how many times as many intervals there are as usual.
+            fineness: multiplies the number of intervals.
         """
         self._manipulator, self._tolerance = request.manipulator, request.line_tolerance
         pick, place, end = task.T_base_pick, task.T_base_place, task.T_base_end
@@ -65,20 +66,20 @@ class CycleProgram:
         self._task = MotionTask(
             request.q_start,
             tuple(StraightLine(*way) for way in ways),
-            at_knots(self._tolerance),
-            (min(start_m, pick_m) - BELOW_M, min(pick_m, place_m)),
+            knot_tolerance(self._tolerance),
+            (min(start_m, pick_m) - HEIGHT_TOLERANCE_M, min(pick_m, place_m)),
         )
         clear, hover = (
-            intervals_on(line, self._tolerance, LEAST_ON_LINE) for line in self._task.lines[1:]
+            intervals_of(line, self._tolerance, MIN_ON_LINE) for line in self._task.lines[1:]
         )
         usual = ENTRY, clear, clear, ACROSS, clear, hover
         led = LED_ENTRY, clear, clear, LED_ACROSS, clear, hover
         shortest_m = min(line.length_m for line in self._task.lines)
-        self._is_usual = max(usual) <= MOST_ON_LINE and shortest_m >= SHORTEST_LINE_M
+        self._is_usual = max(usual) <= MAX_ON_LINE and shortest_m >= MIN_LINE_M
         self._intervals, self._led = ([fineness * n for n in counts] for counts in (usual, led))
 
     def near(self, cycle: Cycle) -> Cycle | None:
-        """The fastest cycle near one; None where none is found."""
+        """The fastest cycle near another one; None where none is found."""
         if not self._is_usual:
             return None
         return self._solved(Sketch.of_each(cycle, self._intervals))
@@ -91,12 +92,12 @@ class CycleProgram:
     def around(
         self, cycle: Cycle, contexts: Mapping[str, CollisionContext], *, on_lines: bool = False
     ) -> list[Cycle]:
-        """Cycles near one, clear or not, that are led around what is there; the last found first.
+        """Cycles near one that are led around obstacles; the last found first.
 
-        Whether they are clear is for the caller to prove.
+        The caller proves whether they are clear.
 
         Args:
-            cycle: where to begin.
+            cycle: the initial guess, clear or not.
             contexts: of each stage, by its label.
             on_lines: whether it collides on a line.
         """
@@ -109,12 +110,12 @@ class CycleProgram:
         ]
         sketches = Sketch.of_each(cycle, intervals)
         obstacles = []
-        for stage, sketch, resting in zip(MOVES, sketches, RESTING, strict=True):
+        for stage, sketch, resting in zip(MOVES, sketches, RESTING_KNOTS, strict=True):
             context = contexts[stage]
             free = [knot for knot in resting if context.is_free(sketch.q[knot])]
             if resting and not free:
                 return []
-            obstacles.append(context.obstacles(context.margin_m + LED_CLEAR_M, sketch.q[free]))
+            obstacles.append(context.obstacles(context.margin_m + EXTRA_MARGIN_M, sketch.q[free]))
         return [Cycle(*motions) for motions in led_around(self._motions, obstacles, sketches)]
 
     def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
@@ -137,24 +138,24 @@ class CycleProgram:
         return found if is_straight else None
 
     def _sketched(self, pair: CandidatePair) -> list[Sketch] | None:
-        """A guess: up the lines faster and faster, down as up, and smoothly from one to the next.
+        """A guess: up the lines while accelerating, down in reverse, and smoothly in between.
 
-        None where the arm cannot be led along a line from its solution.
+        None where the arm cannot follow a line from its solution.
         """
         pick, place, end = self._task.lines
         entry, at_pick, _, across, at_place, at_end = self._intervals
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        up_pick = along(arm, limits, pair.q_pick, pick, at_pick)
-        up_place = along(arm, limits, pair.q_place, place, at_place)
-        up_end = along(arm, limits, pair.q_place, end, at_end, ends_at_rest=True)
-        if isinstance(up_pick, Followed) or isinstance(up_place, Followed):
+        up_pick = guess_along(arm, limits, pair.q_pick, pick, at_pick)
+        up_place = guess_along(arm, limits, pair.q_place, place, at_place)
+        up_end = guess_along(arm, limits, pair.q_place, end, at_end, ends_at_rest=True)
+        if isinstance(up_pick, LineFollowed) or isinstance(up_place, LineFollowed):
             return None
-        if isinstance(up_end, Followed):
+        if isinstance(up_end, LineFollowed):
             return None
-        down_pick, down_place = backwards(up_pick), backwards(up_place)
+        down_pick, down_place = reversed_sketch(up_pick), reversed_sketch(up_place)
         standing = Sketch(self._task.q_start[None], np.zeros((2, len(limits.names))), 0.0)
-        to_pick = between(standing, down_pick, limits, entry)
-        to_place = between(up_pick, down_place, limits, across)
+        to_pick = guess_between(standing, down_pick, limits, entry)
+        to_place = guess_between(up_pick, down_place, limits, across)
         return [to_pick, down_pick, up_pick, to_place, down_place, up_end]
 
 
@@ -176,7 +177,7 @@ def _program(intervals: tuple[int, ...], joints: int) -> MotionProgram:
 
 
 TIMEOUT_S = 2.0
-"""When to give up the search for one way around; a wall on the table takes a tenth of a second."""
+"""Maximum duration of the search for one path; a wall on the table takes a tenth of a second."""
 
 
 class Cycle(NamedTuple):
@@ -184,11 +185,11 @@ class Cycle(NamedTuple):
 
     Attributes:
         to_pick: to the line above the pick.
-        down_to_pick: down it, to rest.
+        down_to_pick: down that line, to rest.
         up_from_pick: up again.
         to_place: to the line above the place.
-        down_to_place: down it, to rest.
-        up_from_place: up to where the cycle ends.
+        down_to_place: down that line, to rest.
+        up_from_place: up to the end of the cycle.
     """
 
     to_pick: Trajectory
@@ -215,28 +216,24 @@ class Cycle(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """Of all of them."""
+        """Total duration."""
         return sum(motion.duration for motion in self)
 
 
 class StoppingCycles:
-    """Cycles that stop above pick and place; their lines are planned once for each solution."""
+    """Cycles that stop above pick and place; lines are planned once for each solution."""
 
     def __init__(
         self, request: PlanRequest, task: PickAndPlace, contexts: Mapping[str, CollisionContext]
     ) -> None:
-        """For a task, in the situations of the stages, by their labels."""
+        """For a task, with the collision context of each stage by its label."""
         self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
     def of(self, q_pick: FloatArray, q_place: FloatArray) -> tuple[Cycle, dict[str, ProvenMotion]]:
         """The motions for a pair of solutions, and those of them that are proven, by stage.
 
-        Between the lines the arm goes around obstacles.
-
-        Raises:
-            NoSolutionError: when the arm cannot follow a line from one of them, a line collides, or
-                there is no way between.
+        Between the lines the arm moves around obstacles.
         """
         task, contexts, q_start = self._task, self._contexts, self._request.q_start
         up_pick = self._line("pick: retract", q_pick, task.T_base_above_pick)

@@ -54,16 +54,16 @@ from planner.scene.contact import (
 )
 from planner.scene.support import MAX_TILT_RAD, UP, Landing, come_down, land
 
-LONGEST_DROP_M = 0.01
-"""From how high above its support a body may be let go."""
+MAX_DROP_M = 0.01
+"""Maximum height above its support from which a body may be released."""
 
 OPENING_STEP_M = 1e-4
-"""How closely the farthest free opening is sought."""
+"""Resolution of the search for the widest free opening."""
 
 _SAME_PLACE_M = 1e-9
 
 _Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, ...]]
-"""A finger position, the fingers' way from or to it, and what is in their way however far."""
+"""A finger position, the fingers' travel from or to it, and what blocks any opening."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,13 +71,13 @@ class Phases:
     """The situations of one pick and place.
 
     Attributes:
-        opening_m: finger position with which the hand comes down to the body.
-        closing: the fingers' way at the pick.
-        releasing: the fingers' way at the place.
-        contexts: the situation of every move, by its label.
-        refusals: why it cannot be done though each pose is free: what stands in the way of the
-            fingers however far they open, or that the body would fall.
-        taken: which body stands where this one is to be put, if one does.
+        opening_m: finger position with which the hand approaches the body.
+        closing: the fingers' travel at the pick.
+        releasing: the fingers' travel at the place.
+        contexts: the collision context of every move, by its label.
+        refusals: why the task is impossible although each pose is free: obstacles to the fingers at
+            any opening, or that the body would fall.
+        taken: failure if another body stands at the place.
     """
 
     opening_m: float
@@ -88,18 +88,14 @@ class Phases:
     taken: PlanFailure | None = None
 
     def refuse_impossible(self) -> None:
-        """Stop when there is such a reason.
-
-        Raises:
-            NoSolutionError: then.
-        """
+        """Raise NoSolutionError for the first refusal."""
         for failure in self.refusals:
             raise NoSolutionError(failure)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseMaker:
-    """Finds the phases of a task.
+    """Derives the phases of a task.
 
     Attributes:
         request: the arm and its hand, all bodies before it, and the distance to keep.
@@ -110,11 +106,10 @@ class PhaseMaker:
     task: PickAndPlace
 
     def made(self) -> Phases:
-        """All of them.
+        """The phases.
 
-        Raises:
-            NoSolutionError: when something stands on the body, it does not fit into the hand, or it
-                cannot be held.
+        Raises NoSolutionError when something stands on the body, it does not fit into the hand, or
+        it cannot be held.
         """
         body, task = self.request.scene[self.task.body], self.task
         self._refuse_loaded(body)
@@ -140,7 +135,7 @@ class PhaseMaker:
         )
 
     def _refuse_loaded(self, body: Body) -> None:
-        """Stop when another body stands on the one to be lifted, be it on others, too."""
+        """Raise an error when another body stands on the one to be lifted."""
         scene, in_hands = self.request.scene, {held.body for held in self.request.held}
         for name in sorted(touching(body, scene) - in_hands):
             if not scene[name].is_movable:
@@ -155,9 +150,10 @@ class PhaseMaker:
                 )
 
     def _taken(self, body: Body, grasp: Grasp) -> PlanFailure | None:
-        """The body that stands where this one is to be put.
+        """The failure if another body stands at the place.
 
-        Of fixed ones only those that reach as high: in a lower one the place is merely too low.
+        Of fixed bodies only those that reach as high count: with a lower one, the place is merely
+        too low.
         """
         placed = body.at(self.task.T_base_place * grasp.T_tip_body)
         away = {body.name, *(held.body for held in self.request.held)}
@@ -175,7 +171,7 @@ class PhaseMaker:
         return None
 
     def _refuse_wide(self, body: Body) -> None:
-        """Stop when the open pads cannot come down on both sides of the body."""
+        """Raise an error when the open pads cannot come down on both sides of the body."""
         hand, T_base_pick = self.request.manipulator.hand, self.task.T_base_pick
         width = hand.width_across_m(T_base_pick, body)
         room_m = hand.room_m(T_base_pick, hand.stroke_m, body)
@@ -228,9 +224,9 @@ class PhaseMaker:
         step: tuple[str, GripperAction],
         least_m: float,
     ) -> _Opening:
-        """The greatest opening for which the fingers' way is clear; or all, and why there is none.
+        """The widest opening with a clear travel of the fingers; or the full one, with the failure.
 
-        It is told only when the pose itself is free: what is in its way may be what is in theirs.
+        The failure is raised only when the pose itself is free: one obstacle may block both.
         """
 
         def contact(way: tuple[FingerTravel, ...]) -> ContinuousContact | None:
@@ -256,7 +252,7 @@ class PhaseMaker:
     def _releasing(
         self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
     ) -> tuple[FingerTravel, ...]:
-        """The fingers open beside the body where it is let go, and where it has fallen to."""
+        """The fingers open beside the body where it is released, and where it comes to rest."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
         places = [let_go]
         if not landing.body.T_base_body.isApprox(let_go.T_base_body, _SAME_PLACE_M):
@@ -282,18 +278,18 @@ class PhaseMaker:
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
 
     def reaching(self, opening_m: float) -> CollisionContext:
-        """The situation on the line down to the pick, the fingers so far open."""
+        """The situation on the line down to the pick, at an opening of the fingers."""
         return self._near(self.request.scene, opening_m, self.task.T_base_pick)
 
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
-        """Where the body comes to rest when it is let go; why it must not, where it must not."""
+        """Where the body comes to rest after its release; and why that is not allowed, if so."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
         landing = come_down(let_go, list(self.request.scene.without(self.task.body)))
         on, way = " and ".join(landing.supports), landing.beside
         reason = None
-        if landing.drop_m > LONGEST_DROP_M:
+        if landing.drop_m > MAX_DROP_M:
             reason = (
-                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
+                f"{body.name} would fall: nothing is within {1e3 * MAX_DROP_M:.0f} mm below "
                 f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
             )
         elif landing.slope_rad > 0.0:
@@ -312,7 +308,7 @@ class PhaseMaker:
         return landing, (PlanFailure("place: open", reason, is_certain=True),)
 
     def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
-        """The open hand around its body; the pads touch it only where they cannot but."""
+        """The open hand around its body; the pads may touch it only where that is unavoidable."""
         hand, body = self.request.manipulator.hand, scene[self.task.body]
         room_m = hand.room_m(T_base_tip, finger_m, body)
         may_press = room_m <= RESOLUTION_M
@@ -322,27 +318,23 @@ class PhaseMaker:
 
     @property
     def _context(self) -> Callable[..., CollisionContext]:
-        """Makes the situation of some bodies, by the opening of the fingers and what is allowed."""
+        """Makes the situation of some bodies, by the opening of the fingers and the contacts."""
         request = self.request
         return partial(request.manipulator.context, margin_m=request.margin_m)
 
 
 def _least_width_m(body: Body) -> float:
-    """The narrowest of the body's three extents along its own axes."""
+    """The smallest of the body's extents along its own axes."""
     spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
     return min(high - low for low, high in spans)
 
 
 STEP_M = 0.005
-"""Between two looks at the hand; the proofs of the moves find what is thinner."""
+"""Distance between samples of the hand; the proofs of the moves find thinner obstacles."""
 
 
 def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionContext]) -> None:
-    """Stop when the hand cannot go along a line.
-
-    Raises:
-        NoSolutionError: then; names the stage, and how far from the pose the hand is there.
-    """
+    """Raise NoSolutionError when the hand cannot move along a line; names stage and height."""
     pick, place = task.T_base_pick, task.T_base_place
     for label, T_base_tip, rise_m in (
         ("pick: descend", pick, task.lift_m),
@@ -360,8 +352,8 @@ def _refuse_blocked_line(
     found = _contacts(context, [raised(T_base_tip, height) for height in heights_m.tolist()])
     if not found:
         return
-    near, needed_m, look = min(found, key=lambda each: each[0].distance_m)
-    height_m = float(heights_m[look])
+    near, needed_m, sample = min(found, key=lambda each: each[0].distance_m)
+    height_m = float(heights_m[sample])
     where = "at the pose" if height_m == 0.0 else f"{1e3 * height_m:.0f} mm above the pose"
     reason = f"for every IK solution, {near.text} {where}"
     if near.distance_m > 0.0:
@@ -375,9 +367,9 @@ def _refuse_blocked_line(
 def _contacts(
     context: CollisionContext, T_base_tips: Sequence[pin.SE3]
 ) -> list[tuple[Clearance, float, int]]:
-    """What hand, and what it holds, are too close to in the scene with the tip at some poses.
+    """Bodies that are too close to the hand or what it holds, with the tip at some poses.
 
-    Without the arm; each with how near it may be, m, and the number of the pose.
+    Without the arm; each with the required distance, m, and the number of the pose.
     """
     checked, arm = context.checker.checked, context.checker.arm
     bounds, of_robot = context.checker.motion_bounds, len(context.checker.shapes.links)
@@ -389,13 +381,13 @@ def _contacts(
     T_tip_shapes = arm.T_base_tip(arm.neutral).inverse().homogeneous @ standing[0, moves]
     poses = np.tile(standing, (len(T_base_tips), 1, 1, 1))
     poses[:, moves] = np.array([T.homogeneous for T in T_base_tips])[:, None] @ T_tip_shapes
-    looks, pair = (each.ravel() for each in np.indices((len(poses), len(pairs))))
+    samples, pair = (each.ravel() for each in np.indices((len(poses), len(pairs))))
     needs = checked.needed_m(context.margin_m)[pairs[pair]]
     found = []
-    for near in np.flatnonzero(checked.gaps_m(poses, looks, pairs[pair]) <= needs).tolist():
+    for near in np.flatnonzero(checked.gaps_m(poses, samples, pairs[pair]) <= needs).tolist():
         number, need_m = int(pairs[pair[near]]), float(needs[near])
-        checked.distances.place(poses[looks[near]])
+        checked.distances.place(poses[samples[near]])
         distance_m = checked.distances.measure(number, max(need_m, 0.0) + ACCURACY_M)
         if distance_m <= need_m:
-            found.append((checked.between(number, distance_m), need_m, int(looks[near])))
+            found.append((checked.between(number, distance_m), need_m, int(samples[near])))
     return found

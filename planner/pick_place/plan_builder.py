@@ -1,4 +1,4 @@
-"""PlanBuilder: a plan while it is being made, step by step, each proven before it is added."""
+"""PlanBuilder: a plan under construction; each step is proven before it is added."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from planner.trajectory import Trajectory
 
 
 class NoSolutionError(Exception):
-    """Ends the making of a plan; becomes `Plan.failure`."""
+    """Ends the construction of a plan; becomes `Plan.failure`."""
 
     def __init__(self, failure: PlanFailure) -> None:
         self.failure = failure
@@ -34,7 +34,7 @@ class NoSolutionError(Exception):
 
     @classmethod
     def at(cls, stage: str, reason: str, *, is_certain: bool = False) -> NoSolutionError:
-        """For a reason that is only words; `is_certain` says that no other way is worth trying."""
+        """From a reason in words; `is_certain` if no other attempt is worthwhile."""
         return cls(PlanFailure(stage, reason, is_certain=is_certain))
 
 
@@ -42,7 +42,7 @@ class PlanBuilder:
     """The steps of a plan so far.
 
     Attributes:
-        steps: what was added.
+        steps: the steps added so far.
     """
 
     def __init__(self, request: PlanRequest) -> None:
@@ -53,11 +53,11 @@ class PlanBuilder:
 
     @property
     def q(self) -> FloatArray:
-        """Where the arm stands after the steps so far, shape (7,), rad."""
+        """Configuration of the arm after the steps so far, shape (7,), rad."""
         return self._state.q(self._manipulator.arm.joint_names)
 
     def plan(self, failure: PlanFailure | None = None) -> Plan:
-        """The plan of the steps so far, or why it ends there."""
+        """The plan of the steps so far, with the reason if it ends there."""
         request, arm = self._request, self._manipulator
         return Plan(
             self._start,
@@ -94,10 +94,9 @@ class PlanBuilder:
         self._add(Move(label, trajectory, T_base_tip, ik, *known))
 
     def add_free_move(self, label: str, q_goal: FloatArray, context: CollisionContext) -> None:
-        """Add a move to a configuration, around what is in the way.
+        """Add a move to a configuration, around obstacles.
 
-        Raises:
-            NoSolutionError: when an end is blocked, or there is no way between them.
+        Raises NoSolutionError when an end is blocked, or no motion is found.
         """
         refuse_blocked(label, self.q, context, "where it stands")
         refuse_blocked(label, q_goal, context, "where it shall go")
@@ -105,10 +104,9 @@ class PlanBuilder:
         self.add_move(label, motion, context)
 
     def add_rise(self, label: str, height_m: float, context: CollisionContext) -> None:
-        """Add a straight move up from where the arm stands.
+        """Add a straight move up from the current pose.
 
-        Raises:
-            NoSolutionError: when there is none, or it is not proven clear.
+        Raises NoSolutionError when there is none, or it is not proven clear.
         """
         refuse_blocked(label, self.q, context, "where it stands")
         arm, limits = self._manipulator.arm, self._manipulator.limits
@@ -127,14 +125,13 @@ class PlanBuilder:
     ) -> None:
         """Add the closing of the fingers on a body, or their opening around it.
 
+        Raises NoSolutionError when the travel is not proven clear.
+
         Args:
             label: stage and action.
             action: open or close.
-            travels: the fingers' way, at least one stretch.
-            body: name of the body.
-
-        Raises:
-            NoSolutionError: when the way is not proven clear.
+            travels: the fingers' travel, at least one part.
+            body: name of the body; None for an empty hand.
         """
         margin_m, opening_m = self._request.margin_m, travels[-1].end_m
         proof = prove_travel(self._manipulator, travels, self.q, margin_m=margin_m)
@@ -145,16 +142,15 @@ class PlanBuilder:
         self._add(step)
 
     def add_open(self, label: str, opening_m: float) -> None:
-        """Add the opening of the empty hand before anything else has moved a body.
+        """Add the opening of the empty hand before anything has moved a body.
 
-        Raises:
-            NoSolutionError: when something stands in the way of the fingers.
+        Raises NoSolutionError when something blocks the fingers.
         """
         travel = FingerTravel(self._start.scene, self._manipulator.finger_m, opening_m)
         self.add_grip(label, GripperAction.OPEN, (travel,), None)
 
     def _add(self, step: Step) -> None:
-        """Add a step, and take note of how it leaves robot and bodies."""
+        """Add a step, and update the state of robot and bodies."""
         state = self._state
         try:
             self._state = after(step, state, self._manipulator)
@@ -176,8 +172,7 @@ class ProvenMotion(NamedTuple):
 def proven(label: str, motion: Trajectory, context: CollisionContext) -> ProvenMotion:
     """A motion with the proof that it is clear.
 
-    Raises:
-        NoSolutionError: when there is none; says what is in its way.
+    Raises NoSolutionError with the collision when there is none.
     """
     result = context.prove(motion)
     if isinstance(result, ContinuousContact):
@@ -192,10 +187,9 @@ def free_motion(
     context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
 ) -> ProvenMotion:
-    """A motion from one configuration to another around what is in the way, proven clear.
+    """A motion between two configurations around obstacles, proven clear.
 
-    Raises:
-        NoSolutionError: when there is none.
+    Raises NoSolutionError when none is found.
     """
     found: list[ProvenMotion] = []
 
@@ -223,11 +217,7 @@ def free_motion(
 
 
 def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: str) -> None:
-    """Stop when the arm is too close to something at a configuration.
-
-    Raises:
-        NoSolutionError: then.
-    """
+    """Raise NoSolutionError when the arm is too close to something at a configuration."""
     if context.is_free(q):
         return
     near = context.clearance(q)
@@ -240,7 +230,7 @@ def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: 
 def blocked_fingers(
     label: str, action: GripperAction, contact: ContinuousContact, *, is_certain: bool = False
 ) -> PlanFailure:
-    """What stands in the way of fingers that open or close."""
+    """The failure for fingers that are blocked while they open or close."""
     too_near = contact.nearest.too_near(contact.needed_m)
     reason = f"while the fingers {action.value}, {too_near}"
     return PlanFailure(label, reason, contact=contact, is_certain=is_certain)

@@ -5,14 +5,14 @@ pick    open - approach - descend - close - retract
 place   approach - descend - open - retract
 ```
 
-The tip comes down to a pose and rises from it along a straight line, and moves sideways only
-`clear_m` above it and higher; there it does not stop, it passes. On the way between both it is, at
-the knots of the motion, above the lower of these two heights. It stops to grasp, to release, and
-`hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
-touch nothing, its supports included. Each move is proven free of collision at every instant
-(`planner.collision.continuous.proof`). The motions of a cycle are one nonlinear program, and as
-fast together as the limits and lines allow (`planner.motion`); where they collide, they are led
-around what is there, and where that fails, other pairs of IK solutions are tried, with a stop above
+The tip descends to a pose and rises from it along a straight line, and moves sideways only
+`clear_m` above it and higher, without a stop in between. On the way between both poses, at the
+knots of the motion, it is above the lower of these two heights. It stops to grasp, to release, and
+`hover_m` above the place, where the cycle ends. While a body is carried sideways it may touch
+nothing, including its supports. Each move is proven free of collision at every instant
+(`planner.collision.continuous.proof`). The motions of a cycle are one nonlinear program, and are
+together as fast as limits and lines allow (`planner.motion`); where they collide, they are led
+around obstacles, and where that fails, other pairs of IK solutions are tried, with a stop above
 both and free moves in between, which keep no height (`planner.pick_place.cycle_search`).
 """
 
@@ -55,33 +55,33 @@ def plan_pick_and_place(
     response: Response | None = None,
     clip_start: bool = False,
 ) -> Plan:
-    """Every step from `q_start` until the arm has retracted from the placed body.
+    """Plan every step from `q_start` until the arm has retracted from the placed body.
 
     Args:
         task: what goes where.
         manipulator: the arm and its hand.
         scene: all bodies, the one to carry among them.
-        q_start: where the arm stands, shape (7,), rad.
+        q_start: initial configuration of the arm, shape (7,), rad.
         state: robot and bodies, such as `World.state`, in place of `scene`, `q_start`, `held` and
             the manipulator's `q_others`.
-        margin_m: distance that is proven to be kept from everything at all times, contacts on
-            purpose left out, the hand from what it grasps, and links up to two joints apart; not
-            negative.
-        held: what the other hand holds, as `World.held` says.
-        line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
-            plan by it: 0.1 mm and 0.02 deg when not given.
-        response: how a real arm follows its set-points. The plan is then made as for any other, and
-            is to be sent at the greatest speed up to the response's at which every path that the
-            joints may take is proven to keep the margin (`prove_tracking`): `Plan.response` says
-            it. All of it is sent at one speed.
+        margin_m: distance that is proven to be kept from everything at all times, except for
+            intended contacts, the hand from what it grasps, and links up to two joints apart;
+            not negative.
+        held: what the other hand holds, as in `World.held`.
+        line_tolerance: maximum deviation of the tip from its straight lines, by which `verify`
+            judges the plan: 0.1 mm and 0.02 deg by default.
+        response: how a real arm follows its set-points. The plan is the same as for any other arm,
+            but is to be sent at the greatest speed, up to the response's, at which every path that
+            the joints may take is proven to keep the margin (`prove_tracking`); `Plan.response`
+            states it. The whole plan is sent at one speed.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
+            without a warning.
 
     Returns:
-        A plan; when a step has no solution, an invalid one that says which and why; so as well when
-        the other hand holds the body, or no speed is found at which the plan is clear on an arm of
-        that response.
+        A plan; when a step has no solution, an invalid one that says which and why; likewise when
+        the other hand holds the body, or no speed is found at which the plan is clear on an arm
+        of that response.
 
     Raises:
         SceneError: when the body is not in the scene.
@@ -121,24 +121,24 @@ def plan_start_move(
     held: Sequence[Attachment] = (),
     clip_start: bool = False,
 ) -> Plan:
-    """The way to where a task starts, around what is in the way, then an open gripper.
+    """Plan a move to the start of a task, around obstacles, and open the gripper.
 
     Args:
         manipulator: the arm and its hand, which is empty.
         scene: all bodies.
-        q_now: where the arm stands, shape (7,), rad.
-        q_start: where it shall stand; every joint at zero when not given.
+        q_now: current configuration of the arm, shape (7,), rad.
+        q_start: its goal; every joint at zero when not given.
         state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
             manipulator's `q_others`.
-        margin_m: distance that is proven to be kept from everything, links up to two joints apart
-            left out; not negative.
-        held: what the other hand holds, as `World.held` says.
+        margin_m: distance that is proven to be kept from everything, except between links up to two
+            joints apart; not negative.
+        held: what the other hand holds, as in `World.held`.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
+            without a warning.
 
     Returns:
-        A plan; when there is no way, an invalid one that says what is in it.
+        A plan; when none is found, an invalid one that says what blocks the way.
 
     Raises:
         ConfigurationError: when a configuration is malformed or outside the limits.
@@ -171,28 +171,29 @@ def plan_retract(
     line_tolerance: LineTolerance = STRICT,
     clip_start: bool = False,
 ) -> Plan:
-    """Open the fingers, and rise straight up from where the arm stands.
+    """Open the fingers, and rise straight up from the current pose.
 
-    After a miss, say: leave the body that was missed out of the scene, as nobody knows where it is.
+    For example after a missed grasp: leave the missed body out of the scene, as its pose is
+    unknown.
 
     Args:
         manipulator: the arm and its hand, which is empty.
         scene: all bodies that must not be touched.
-        q_now: where the arm stands, shape (7,), rad.
-        height_m: how far to rise, above zero.
+        q_now: current configuration of the arm, shape (7,), rad.
+        height_m: height of the rise, above zero.
         state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
             manipulator's `q_others`.
-        margin_m: distance that is proven to be kept from everything, links up to two joints apart
-            left out; not negative.
-        held: what the other hand holds, as `World.held` says.
-        line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
-            plan by it: 0.1 mm and 0.02 deg when not given.
+        margin_m: distance that is proven to be kept from everything, except between links up to two
+            joints apart; not negative.
+        held: what the other hand holds, as in `World.held`.
+        line_tolerance: maximum deviation of the tip from its straight lines, by which `verify`
+            judges the plan: 0.1 mm and 0.02 deg by default.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
-            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
-            always is, without one.
+            warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
+            without a warning.
 
     Returns:
-        A plan; when there is no way up, an invalid one that says why.
+        A plan; when the rise is impossible, an invalid one that says why.
 
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
@@ -221,7 +222,7 @@ def _begun(
     held: Sequence[Attachment],
     state: State | None,
 ) -> tuple[Manipulator, Scene, Any, Sequence[Attachment]]:
-    """Arm, bodies, where it stands and what is held, all from the state where one is given."""
+    """Manipulator, bodies, initial configuration and held bodies; from the state if given."""
     expect(manipulator, Manipulator, "manipulator", TaskError)
     if state is None:
         if scene is None and q is None:
@@ -236,7 +237,7 @@ def _begun(
 
 
 def _built(request: PlanRequest, add_steps: Callable[[PlanBuilder], None]) -> Plan:
-    """The plan of some steps, or of those before the first that has no solution."""
+    """The plan of some steps, up to the first one without a solution."""
     builder = PlanBuilder(request)
     try:
         add_steps(builder)

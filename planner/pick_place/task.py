@@ -34,13 +34,13 @@ PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 PLACE_LINES = ("place: descend", "place: open", "place: retract")
 
 SIDEWAYS = ("pick: approach", "place: approach")
-"""Stages in which the tip is free; the other moves are along lines."""
+"""Stages in which the tip is free; in the other moves it follows lines."""
 
 STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
-"""All of them, in order."""
+"""All stages, in order."""
 
 MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
-"""Those in which the arm moves."""
+"""The stages in which the arm moves."""
 
 DEFAULT_HOVER_M = 0.15
 """Height above the place where the arm ends; the original demo's hover distance."""
@@ -50,11 +50,7 @@ DEFAULT_CLEAR_M = 0.05
 
 
 def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
-    """How far the tip is to rise, if that can be: above zero, and not beyond `FARTHEST_M`.
-
-    Raises:
-        BaxterError: of class `error`, when it is not.
-    """
+    """A height above zero, at most `FARTHEST_M`; raises `error` otherwise."""
     height_m = positive_scalar(value, what, error)
     if height_m > FARTHEST_M:
         hint = millimetres_hint(height_m)
@@ -68,16 +64,16 @@ class PickAndPlace:
 
     Attributes:
         body: name of the body to carry.
-        T_base_pick: tip pose when the fingers close.
-        T_base_place: tip pose when they open again.
+        T_base_pick: pose of the tip when the fingers close.
+        T_base_place: pose of the tip when they open again.
         hover_m: height above the place where the arm ends, above zero.
-        clear_m: height above pick and place from which it may move sideways, above zero; the hover
-            distance where that is less.
+        clear_m: height above pick and place from which the arm may move sideways, above zero; at
+            most the hover distance counts.
 
     Raises:
-        TaskError: when `body` is no name, or a height is not a number above zero, or beyond
+        TaskError: when `body` is not a name, or a height is not a number above zero, or above
             `FARTHEST_M`.
-        PoseError: when a pose is not a valid one.
+        PoseError: when a pose is invalid.
     """
 
     body: str
@@ -94,7 +90,7 @@ class PickAndPlace:
 
     @property
     def lift_m(self) -> float:
-        """How far straight up from pick and place the tip is before it may move sideways."""
+        """Height of the straight lines above pick and place."""
         return min(self.clear_m, self.hover_m)
 
     @property
@@ -109,7 +105,7 @@ class PickAndPlace:
 
     @property
     def T_base_end(self) -> pin.SE3:
-        """Where the cycle ends."""
+        """Pose at the end of the cycle."""
         return raised(self.T_base_place, self.hover_m)
 
     def _facts(self) -> tuple[str, ...]:
@@ -119,25 +115,18 @@ class PickAndPlace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRequest:
-    """What a plan is made for.
+    """The arm, its surroundings, and the requirements of a plan.
 
     Attributes:
         manipulator: the arm and its hand, which is empty.
         scene: all bodies.
-        q_given: where the arm stands before the first step, shape (7,), rad; checked, `q_start`.
-        margin_m: distance that everything keeps at all times, contacts on purpose left out, the
+        q_given: initial configuration of the arm, shape (7,), rad; `q_start` once checked.
+        margin_m: distance that everything keeps at all times, except for intended contacts, the
             hand from what it grasps, and links up to two joints apart.
         held: what the other hand holds.
-        line_tolerance: how far the tip may be off its straight lines.
-        q_name: what messages call `q_start`.
+        line_tolerance: maximum deviation of the tip from its straight lines.
+        q_name: name of `q_start` in messages.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them.
-
-    Raises:
-        SceneError: when `scene` is not a `Scene`.
-        TaskError: when `manipulator` is not a `Manipulator`, or its hand holds something.
-        ConfigurationError: when `q_start` is malformed or outside the limits.
-        MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
-            `LineTolerance`, or `clip_start` not a bool.
     """
 
     manipulator: Manipulator

@@ -29,16 +29,16 @@ class MoveTracking:
 
     Attributes:
         label: of the move.
-        clearance_m: nothing comes nearer to the arm, or to what it carries, than this, but for what
-            is touched on purpose; not above zero where that could not be proven.
-        nearest: the least distance that was found where the arm may be, and when from the first
-            set-point since it rested; None where there is nothing to come near.
-        deviation_rad: how far any joint may be from where the plan has it then.
-        tip_m: how far the tip may be off its path.
-        allowance_m: how far the hand, and what it holds, may be off their path while what they
-            touch on purpose is not proven to be apart from them; zero where it always is.
-        settled_tip_m: how far the tip may be from its goal when all joints are measured as settled,
-            and so when fingers close or open; None where the arm does not rest then.
+        clearance_m: lower bound on the distance of the arm, and what it carries, from everything
+            except intended contacts; not positive where that could not be proven.
+        nearest: the smallest distance found where the arm may be, with its time since the first
+            set-point after the last rest; None where nothing can come near.
+        deviation_rad: maximum distance of any joint from its planned position at that time.
+        tip_m: maximum distance of the tip from its path.
+        allowance_m: maximum distance of the hand, and what it holds, from their path while intended
+            contacts are not proven to be apart; zero where they always are.
+        settled_tip_m: maximum distance of the tip from its goal when all joints are measured as
+            settled, so when fingers close or open; None where the arm does not rest then.
         failure: why the move is not proven; None where it is.
     """
 
@@ -60,16 +60,16 @@ class MoveTracking:
 
 
 REST_RAD_S = 1e-6
-"""A move that ends slower than this ends at rest."""
+"""A move with a lower final speed ends at rest."""
 
 
 class TrackingDemands(NamedTuple):
-    """What a plan shall keep.
+    """Requirements on a plan.
 
     Attributes:
-        margin_m: of all pairs but contacts on purpose.
-        most_off_m: of the hand from its path in moves with such.
-        start_rad: how far measured joints are from the plan's start at most.
+        margin_m: of all pairs except intended contacts.
+        most_off_m: maximum deviation of the hand from its path in moves with such contacts.
+        start_rad: maximum distance of measured joints from the plan's start.
     """
 
     margin_m: float
@@ -78,12 +78,12 @@ class TrackingDemands(NamedTuple):
 
 
 class RunTubes(NamedTuple):
-    """Where the joints of an arm may be during a run.
+    """Tubes of the joints of an arm during a run.
 
     Attributes:
         response: of the arm.
         whole: during the whole run.
-        several: the same, from each box that it may begin in.
+        several: the same, from each box in which it may begin.
     """
 
     response: Response
@@ -92,16 +92,12 @@ class RunTubes(NamedTuple):
 
     @property
     def starts(self) -> tuple[JointRange, ...]:
-        """Boxes that hold y, together, whenever the next run may begin."""
+        """Boxes that together contain y whenever the next run may begin."""
         return self.whole.starts
 
 
 def check_rests(steps: Sequence[Step]) -> None:
-    """Refuse moves that do not rest where fingers act, or at the end of all.
-
-    Raises:
-        TrajectoryError: then; says which.
-    """
+    """Refuse moves that do not end at rest where fingers act, or at the end of the plan."""
     for number, step in enumerate(steps):
         after = steps[number + 1] if number + 1 < len(steps) else None
         if isinstance(step, Move) and not isinstance(after, Move) and not _rests(step):
@@ -117,7 +113,7 @@ def _rests(move: Move) -> bool:
 
 
 def runs_of(moves: Sequence[Move], contexts: Sequence[CollisionContext]) -> Iterator[TrackedRun]:
-    """Moves of a plan in order, with the state of each, cut where the arm rests."""
+    """Moves of a plan in order, with their situations, divided where the arm rests."""
     pending: list[tuple[Move, CollisionContext]] = []
     for each in zip(moves, contexts, strict=True):
         pending.append(each)
@@ -129,7 +125,7 @@ def runs_of(moves: Sequence[Move], contexts: Sequence[CollisionContext]) -> Iter
 
 
 class TrackedRun:
-    """One run, and what can be found of it beforehand."""
+    """One run, with precomputed distances from its path."""
 
     def __init__(self, moves: Sequence[tuple[Move, CollisionContext]]) -> None:
         self._trajectory = joined(move.trajectory for move, _ in moves)
@@ -141,7 +137,7 @@ class TrackedRun:
         self._moves = [_TrackedMove(move, context, trajectory) for move, context in moves]
 
     def tracked(self, response: Response, starts: Sequence[JointRange]) -> RunTubes:
-        """Where the joints may be when the run begins in one of some boxes."""
+        """Tubes of the joints when the run begins in one of some boxes."""
         whole = tracking_tube(self._trajectory, response, _around(starts))
         several = (tracking_tube(self._trajectory, response, start) for start in starts)
         return RunTubes(response, whole, tuple(several))
@@ -158,14 +154,14 @@ class TrackedRun:
             yield move.found(around, tubes, asked, (off_rad, tip_m, settled_m))
 
     def keeps(self, tracked: RunTubes, asked: TrackingDemands) -> bool:
-        """Whether no move fails, and no more than that."""
+        """Whether no move fails."""
         tubes = self._tubes(tracked)
         return all(
             move.keeps(each, asked) for move, (_, each) in zip(self._moves, tubes, strict=True)
         )
 
     def _tubes(self, tracked: RunTubes) -> Iterator[tuple[JointTube, list[JointTube]]]:
-        """For each move the tube around all, and those that hold together where joints may be."""
+        """For each move the tube around all, and those that together contain the joints."""
         response = tracked.response
         for number in range(len(self._moves)):
             span = [cut / response.speed for cut in self._cuts[number : number + 2]]
@@ -176,23 +172,23 @@ class TrackedRun:
             yield around, several if number == 0 else [around]
 
     def _settled_m(self, tracked: RunTubes) -> float:
-        """How far the tip may be from its goal when all joints are measured as settled."""
+        """Maximum distance of the tip from its goal when all joints are measured as settled."""
         low, high = (np.array(corners) for corners in zip(*tracked.starts, strict=True))
         error = tracked.response.settled_error_rad
         return float(self._goal.within(low - error, high + error).max())
 
     def _deviation_rad(self, tube: JointTube, speed: float) -> float:
-        """How far any joint may be from where the plan has it then."""
+        """Maximum distance of any joint from its planned position at the same time."""
         q = self._trajectory.sample(speed * tube.times_s).q
         step = float(np.abs(np.diff(q, axis=0)).max())
         return float(np.maximum(tube.highest - q, q - tube.lowest).max()) + step
 
 
 class _TrackedMove:
-    """One move of a run, and what can be found of it beforehand."""
+    """One move of a run, with precomputed proofs and distances from its path."""
 
     def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
-        """For a move, its state, and the motion of the whole run."""
+        """For a move, its situation, and the motion of the whole run."""
         checker = context.checker
         self._label, self._proofs = move.label, TubeProofs(checker, context.q_others)
         self._free = np.flatnonzero(~checker.may_touch)
@@ -213,9 +209,9 @@ class _TrackedMove:
 
         Args:
             around: the tube around all others.
-            tubes: that hold together where the joints may be.
-            asked: what shall be kept.
-            known: how far joints and tip may be off, and the tip at rest.
+            tubes: that together contain the joints.
+            asked: the requirements.
+            known: maximum deviations of joints and tip, and of the tip at rest.
         """
         proofs = [
             self._proofs.prove(tube, pairs=self._free, margin_m=asked.margin_m) for tube in tubes
@@ -230,15 +226,17 @@ class _TrackedMove:
             off_m = np.max(each, axis=0)
             allowance_m, hand_m = float(off_m[is_open].max(initial=0.0)), float(off_m.max())
         nearest = worst.nearest if worst.nearest.first else None
-        failure = _unclear(self._label, worst) or _astray(self._label, hand_m, asked.most_off_m)
+        failure = _unclear(self._label, worst) or _off_path_failure(
+            self._label, hand_m, asked.most_off_m
+        )
         found = self._label, worst.proven_m, nearest, off_rad, tip_m, allowance_m, settled_m
         return MoveTracking(*found, failure)
 
     def keeps(self, tubes: Sequence[JointTube], asked: TrackingDemands) -> bool:
-        """Whether `found` would tell no failure."""
+        """Whether `found` would report no failure."""
         if self._hand is not None:
             hand_m = max(float(self._hand.over(tube).max()) for tube in tubes)
-            if _astray(self._label, hand_m, asked.most_off_m):
+            if _off_path_failure(self._label, hand_m, asked.most_off_m):
                 return False
         margin_m = asked.margin_m
         proofs = (
@@ -249,13 +247,13 @@ class _TrackedMove:
 
 
 def _around(starts: Sequence[JointRange]) -> JointRange:
-    """The box around some."""
+    """The bounding box of some boxes."""
     low, high = (np.array(corners) for corners in zip(*starts, strict=True))
     return low.min(axis=0), high.max(axis=0)
 
 
 def _corners_at_tip(context: CollisionContext, pairs: Indices) -> FloatArray:
-    """Corners of a box around what moves of some pairs, seen from the tip, shape (8, 3), m."""
+    """Corners of a box around the moving shapes of pairs, in the tip's frame, shape (8, 3), m."""
     checker = context.checker
     bounds, covers, arm = checker.motion_bounds, checker.checked.covers, checker.arm
     shapes = np.unique(checker.pairs[pairs])
@@ -275,7 +273,7 @@ def _corners(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _padded(values: FloatArray, length: int) -> FloatArray:
-    """As many, the last one again where there are fewer."""
+    """The values repeated at the end up to a length."""
     some: FloatArray = values[np.minimum(np.arange(length), len(values) - 1)]
     return some
 
@@ -295,8 +293,8 @@ def _unclear(label: str, proof: TubeClearance) -> str | None:
     )
 
 
-def _astray(label: str, hand_m: float, most_m: float) -> str | None:
-    """Why a hand that may touch something is too far off its path; None where it is not."""
+def _off_path_failure(label: str, hand_m: float, most_m: float) -> str | None:
+    """Why a hand with intended contacts is too far from its path; None where it is not."""
     if hand_m <= most_m:
         return None
     return (

@@ -1,25 +1,24 @@
 """Tracking proof: every path that the joints of a real arm may take along a plan is clear.
 
-An arm that follows its set-points late does not pass the path that a plan was proven on: at full
-speed a Baxter cuts the corners between lines by centimetres. Given bounds on how it follows
+An arm that follows its set-points with a lag does not take the path that a plan was proven on: at
+full speed a Baxter cuts the corners between lines by centimetres. Given bounds on how it follows
 (`planner.motion.response.Response`), its joints are in a tube at every time
-(`planner.motion.tracking_tube`, where the theorem is), and wherever they are in it, together or
-each at its worst, all pairs of shapes are apart (`planner.collision.continuous.tube_proof`). Of
-each move it is stated by how much, in the state of that move.
+(`planner.motion.tracking_tube`, with the theorem), and wherever they are in it, jointly or each at
+its worst, all pairs of shapes are apart (`planner.collision.continuous.tube_proof`). The proven
+distance of each move is stated, in the state of that move.
 
-What the move may touch on purpose cannot be proven to be apart from an arm that is off its path:
-the fingers pass a block at some 2.5 mm. As long as these are not proven to be apart, the hand is
-within a stated allowance of its path (`planner.motion.off_path`), and in the whole of such a move
-within `most_off_m`, or the plan is refused. Whether the fingers then still hold what they should is
-not proven; the tip's distance from its goal when they close is stated.
+Intended contacts cannot be proven to be apart from an arm that is off its path: the fingers pass a
+block at some 2.5 mm. As long as these are not proven to be apart, the hand is within a stated
+allowance of its path (`planner.motion.off_path`), and in the whole of such a move within
+`most_off_m`, or the plan is refused. It is not proven that the fingers then still hold what they
+should; the tip's distance from its goal when they close is stated.
 
-Assumed, and not covered: joints that follow otherwise than to first order with an error, as they do
-at the robot's own cap of speed (`rate_rad_s`), where they are pushed or held, or while it avoids
-collisions by itself; a stream that halts for longer than `late_s` in all since the arm last rested,
-unless the least lag is zero; bodies elsewhere than the plan's state has them, what the hand
-holds otherwise; links two joints apart, which are known never to meet within the joint limits, that
-the start and the error may leave by themselves; and the travel of fingers, as the plan's own proofs
-have the arm at its goal.
+Assumptions, not covered by the proof: joints that do not follow to first order with an error, as at
+the robot's own speed cap (`rate_rad_s`), when pushed or held, or while it avoids collisions by
+itself; a stream that halts for longer than `late_s` in total since the arm last rested, unless the
+minimum lag is zero; bodies or a grasp that differ from the plan's state; links two joints apart,
+which are known never to collide within the joint limits, if start or error leave these limits; and
+the travel of fingers, whose proofs assume the arm at its goal.
 """
 
 from __future__ import annotations
@@ -49,14 +48,14 @@ from planner.pick_place.tracked_runs import (
 )
 from planner.plan import Plan, PlanFailure
 
-MOST_OFF_M = 0.04
-"""How far a hand may be off its path where it may touch something, unless said otherwise."""
+MAX_OFF_M = 0.04
+"""Default maximum deviation of a hand from its path where it may touch something."""
 
 START_RAD = 0.02
-"""How far measured joints may be from a plan's start: what the executor lets pass."""
+"""Maximum distance of measured joints from a plan's start: what the executor tolerates."""
 
 SPEED_STEP = 0.01
-"""Between speeds that are tried."""
+"""Difference between speeds that are tried."""
 
 
 def prove_tracking(
@@ -64,31 +63,30 @@ def prove_tracking(
     response: Response,
     *,
     margin_m: float = 0.0,
-    most_off_m: float = MOST_OFF_M,
+    most_off_m: float = MAX_OFF_M,
     start_rad: float = START_RAD,
     manipulator: Manipulator | None = None,
     seek_speed: bool = True,
 ) -> TrackingProof:
-    """Whether a plan stays clear on an arm that follows its set-points so.
+    """Prove that a plan stays clear on an arm that follows its set-points with a given response.
 
     Args:
         plan: as planned, with its state.
         response: bounds on how the arm follows, and how set-points are sent.
-        margin_m: distance that every pair shall keep wherever the joints may be, contacts on
-            purpose left out; not negative.
-        most_off_m: how far the hand may be off its path in moves in which it may touch something on
-            purpose.
-        start_rad: how far each joint is measured from the plan's start at most.
+        margin_m: distance that every pair keeps wherever the joints may be, except for intended
+            contacts; not negative.
+        most_off_m: maximum deviation of the hand from its path in moves with intended contacts.
+        start_rad: maximum distance of each measured joint from the plan's start.
         manipulator: the arm that it is for; that of the stock robot when not given.
-        seek_speed: whether to search for a speed that passes where this one does not, which takes
-            some seconds.
+        seek_speed: whether to search for a lower speed that passes if this one does not, which
+            takes some seconds.
 
     Returns:
-        What is proven of each move; where that is not enough, why, and the speed that would do.
+        What is proven of each move; where that is not enough, why, and the speed that would pass.
 
     Raises:
-        TaskError: when an argument is of another class, the plan is for another robot, does not say
-            its state, or its grips contradict that.
+        TaskError: when an argument is of another class, the plan is for another robot, lacks its
+            state, or its grips contradict that.
         ResponseError: when the response is of another class, or a number is out of range.
         MotionError: when the margin is not a number, or negative.
         TrajectoryError: when a move does not end at rest where fingers act, or at the end.
@@ -113,17 +111,17 @@ def planned_for(
 
     Args:
         plan: as planned for an arm that follows exactly.
-        response: of the arm; its speed is the greatest that is asked for.
+        response: of the arm; its speed is the maximum.
         manipulator: the arm that the plan is for.
-        margin_m: that every pair shall keep.
+        margin_m: distance that every pair keeps.
 
     Returns:
-        The plan with the response at the speed that is proven; an invalid plan as it is; and where
-        no speed is found, an invalid one that says why.
+        The plan with the response at the speed that is proven; an invalid plan unchanged; and where
+        no speed is found, an invalid one with the reason.
     """
     if plan.failure is not None:
         return plan
-    asked = TrackingDemands(margin_m, MOST_OFF_M, START_RAD)
+    asked = TrackingDemands(margin_m, MAX_OFF_M, START_RAD)
     tracking = _PlanTracking(plan, manipulator, asked)
     proof = tracking.proof(response)
     if proof.greatest_speed is not None:
@@ -134,15 +132,10 @@ def planned_for(
 
 
 class _PlanTracking:
-    """A valid plan, and what can be found of it for any response."""
+    """A valid plan, and what can be proven of it for any response."""
 
     def __init__(self, plan: Plan, manipulator: Manipulator | None, asked: TrackingDemands) -> None:
-        """Find the situations of its moves.
-
-        Raises:
-            TaskError: when the plan is for another robot, or does not fit its state.
-            TrajectoryError: when a move does not end at rest where fingers act, or at the end.
-        """
+        """Derive the situations of its moves."""
         arm = manipulator_for(plan, manipulator)
         _check_robot(plan, arm)
         self._q_start, self._asked = plan.q_start, asked
@@ -150,7 +143,7 @@ class _PlanTracking:
         self._runs = tuple(runs_of(plan.moves, move_contexts(plan, arm)))
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
-        """What is proven of every move, and the greatest speed that would pass."""
+        """What is proven of every move, and the greatest speed that passes."""
         tracked = list(self._tracked(response))
         moves = [move for run, tubes in tracked for move in run.found(tubes, self._asked)]
         rates = np.max([np.zeros(7), *(tubes.whole.rates for _, tubes in tracked)], axis=0)
@@ -162,10 +155,10 @@ class _PlanTracking:
         return TrackingProof(response, tuple(moves), *self._asked, rates, speed, failure)
 
     def greatest_speed(self, response: Response) -> float | None:
-        """The greatest speed below that of a response which is proven; None where none was found.
+        """The greatest proven speed below that of a response; None where none was found.
 
-        By bisection over whole hundredths, as if what passes at one speed passed at every lower
-        one. That is not proven, so a greater one may pass that was not tried; what is told did.
+        By bisection over whole hundredths, as if a speed passed whenever a higher one does. That is
+        not proven, so a greater one that was not tried may pass; the returned one does.
         """
         passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
         while fails - passes > 1:
@@ -217,18 +210,18 @@ def _rates(given: ArrayLike) -> FloatArray:
 
 @value(error=TaskError)
 class TrackingProof:
-    """Whether a plan stays clear on an arm that follows its set-points so.
+    """Whether a plan stays clear on an arm of a given response.
 
     Attributes:
         response: of the arm, and how set-points are sent.
-        moves: what is proven of each move, in order; none of a plan that is invalid itself.
-        margin_m: the distance that was asked for.
-        most_off_m: how far the hand may be off its path in moves in which it may touch something.
-        start_rad: how far each joint may be from the plan's start, as it is measured.
-        rate_rad_s: greatest speed of each joint on the way, shape (7,), rad/s: the robot's own cap
-            must be above it. Infinite for a joint that may catch up at once.
-        greatest_speed: the greatest speed that is known to pass with all else as it is: that of the
-            response where it passes, else one that was searched for; None where none was found.
+        moves: what is proven of each move, in order; empty for an invalid plan.
+        margin_m: the required distance.
+        most_off_m: maximum deviation of the hand from its path in moves with intended contacts.
+        start_rad: maximum distance of each measured joint from the plan's start.
+        rate_rad_s: maximum speed of each joint on the way, shape (7,), rad/s: the robot's own cap
+            must be above it. Infinite for a joint that may catch up immediately.
+        greatest_speed: the greatest speed known to pass, all else being equal: that of the response
+            if it passes, else the result of a search; None where none was found.
         failure: why it is not proven, in a sentence; None where it is.
 
     Raises:
@@ -246,17 +239,17 @@ class TrackingProof:
 
     @property
     def is_valid(self) -> bool:
-        """Whether every path that the joints may take is proven."""
+        """Whether every path that the joints may take is proven clear."""
         return self.failure is None
 
     @property
     def clearance_m(self) -> float:
-        """The least that is proven of all moves, contacts on purpose left out."""
+        """The smallest proven distance of all moves, without intended contacts."""
         return min((move.clearance_m for move in self.moves), default=float("inf"))
 
     def __str__(self) -> str:
         verdict = "every path that the joints may take is clear"
-        lines = [self.failure or verdict, *map(_told, self.moves)]
+        lines = [self.failure or verdict, *map(_move_line, self.moves)]
         return "\n".join(lines)
 
     def _facts(self) -> tuple[str, ...]:
@@ -265,8 +258,8 @@ class TrackingProof:
         return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
 
 
-def _told(move: MoveTracking) -> str:
-    """A move in a line."""
+def _move_line(move: MoveTracking) -> str:
+    """One line of text about a move."""
     parts = [
         clear(move.clearance_m),
         f"joints within {move.deviation_rad:.3f} rad",

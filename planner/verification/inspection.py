@@ -68,7 +68,7 @@ def verify(
     Raises:
         TaskError: when an argument is of another class, the plan is for another robot, the state's
             joints are not the robot's, limits are those of other joints, or plan or scene are too
-            large (`planner.plan_file.MOST`).
+            large (`planner.plan_file.MAX_COUNTS`).
     """
     known = _installed() if description is None else description
     expect(known, RobotDescription, "description", TaskError)

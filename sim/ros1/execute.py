@@ -44,9 +44,9 @@ PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
 
 
 def _lag(text: str) -> float:
-    from planner.motion.response import LONGEST_LAG_S  # noqa: PLC0415 - loads NumPy
+    from planner.motion.response import MAX_LAG_S  # noqa: PLC0415 - loads NumPy
 
-    return number_within(0.0, LONGEST_LAG_S, "s")(text)
+    return number_within(0.0, MAX_LAG_S, "s")(text)
 
 
 @command(

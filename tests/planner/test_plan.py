@@ -32,7 +32,7 @@ from planner.clearance import ContinuousContact
 from planner.collision import Clearance
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
-from planner.plan import MOST_MEASURED, MOST_NAMED, CollisionCount, CollisionSummary, Step
+from planner.plan import MAX_MEASURED, MAX_NAMED, CollisionCount, CollisionSummary, Step
 from tests.conftest import at, overhead, state_at
 
 
@@ -213,7 +213,7 @@ def test_counts_are_those_of_a_check_pair_by_pair(
     summary = CollisionSummary.of("pick: descend", qs, posts)
     nearest = [posts.clearance(q) for q in qs]
     blocked = [near for near in nearest if near.distance_m <= 0.0]
-    assert summary.solutions == len(qs) <= MOST_MEASURED
+    assert summary.solutions == len(qs) <= MAX_MEASURED
     assert 0 < summary.colliding < summary.solutions
     assert summary.colliding == len(blocked)
     for collision in summary.collisions:
@@ -236,7 +236,7 @@ def test_it_reads_as_one_sentence(manipulator: Manipulator, posts: CollisionCont
 def test_only_the_most_frequent_are_named() -> None:
     counts = tuple(CollisionCount("link", f"post {i}", 9 - i, -0.001) for i in range(5))
     text = str(CollisionSummary("pick: descend", 50, counts))
-    assert text.count("link with post") == MOST_NAMED
+    assert text.count("link with post") == MAX_NAMED
     assert text.endswith("; 2 other pairs")
 
 
@@ -252,8 +252,8 @@ def test_many_solutions_are_thinned_evenly(
     manipulator: Manipulator, posts: CollisionContext
 ) -> None:
     qs = sample_solutions(manipulator.ik, PICK, turns=400)
-    assert len(qs) > MOST_MEASURED
-    assert CollisionSummary.of("pick: descend", qs, posts).solutions == MOST_MEASURED
+    assert len(qs) > MAX_MEASURED
+    assert CollisionSummary.of("pick: descend", qs, posts).solutions == MAX_MEASURED
 
 
 def test_malformed_solutions_are_refused(posts: CollisionContext) -> None:

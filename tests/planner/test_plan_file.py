@@ -453,7 +453,7 @@ def test_a_plan_too_large_is_neither_written_nor_read(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save_plan(plan, tmp_path / "plan.json")
-    monkeypatch.setattr(plan_file, "MOST", {**plan_file.MOST, "segments": 1})
+    monkeypatch.setattr(plan_file, "MAX_COUNTS", {**plan_file.MAX_COUNTS, "segments": 1})
     for action in (lambda f: save_plan(plan, f), load_plan):
         with pytest.raises(PlanFileError, match="segments; at most 1 can be checked"):
             action(tmp_path / "plan.json")

@@ -1,4 +1,4 @@
-"""Crude guesses for motion programs: along lines by inverse kinematics, by cubics in between."""
+"""Initial guesses for motion programs: along lines by inverse kinematics, in between by cubics."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.straight_line import StraightLine
 from planner.splines import Sketch, trajectory_of
 
-STRIDE_RAD, LEAST_STRIDE = 0.1, 1e-6
-"""Farthest that a joint goes in one step along a line, and the least fraction of the line that a
-step is made of to get there; a joint that goes farther then has jumped."""
+MAX_STRIDE_RAD, MIN_STRIDE = 0.1, 1e-6
+"""Maximum change of a joint in one step along a line, and the minimum fraction of the line in a
+step; a joint that changes by more in such a step has jumped."""
 
-STEPS, ACCURACY, LEAST_RATIO = 12, 1e-9, 1e-4
-"""Of Newton's method: how many, the error that is left, in m and rad together, and the least of the
-Jacobian's singular values, over the greatest, along which it goes."""
+MAX_STEPS, ACCURACY, MIN_SINGULAR_RATIO = 12, 1e-9, 1e-4
+"""Newton's method: maximum number of steps, error at convergence in m and rad combined, and the
+minimum ratio of a singular value of the Jacobian to the largest one for a step along it."""
 
-SPEEDING, SPARE, REACTION = 0.75, 1.1, 0.3
-"""How long guesses take: on lines that are left at speed, and between lines, times the fastest
-motion from rest to rest; and between lines, times the durations of both, to turn round."""
+ACCELERATING, TRANSFER_SLACK, REVERSAL_SHARE = 0.75, 1.1, 0.3
+"""Durations of guesses: on lines that are left at speed, and between lines, as multiples of the
+fastest motion from rest to rest; and between lines, in addition, a share of the durations of
+both to reverse."""
 
 
-def along(
+def guess_along(
     arm: Arm,
     limits: JointLimits,
     q: FloatArray,
@@ -34,20 +35,20 @@ def along(
     intervals: int,
     *,
     ends_at_rest: bool = False,
-) -> Sketch | Followed:
-    """Along a line, from rest at a configuration; how far where the arm cannot follow.
+) -> Sketch | LineFollowed:
+    """A guess along a line, from rest at a configuration; or how far the arm can follow the line.
 
     Args:
-        arm: whose tip moves.
+        arm: the arm whose tip moves.
         limits: of its joints.
-        q: where the tip is at the beginning of the line, shape (7,), rad.
+        q: configuration at the start of the line, shape (7,), rad.
         line: of the tip.
-        intervals: of the sketch.
+        intervals: of the guess.
         ends_at_rest: whether the arm also rests at the end, or leaves the line while accelerating.
     """
     t = np.linspace(0.0, 1.0, 1 + intervals)
     passed = _eased(t) if ends_at_rest else t**2
-    there = followed(arm, limits, q, line, passed[1:].tolist())
+    there = follow(arm, limits, q, line, passed[1:].tolist())
     if len(there.qs) < intervals:
         return there
     qs = np.array([q, *there.qs])
@@ -57,29 +58,29 @@ def along(
         velocity, acceleration, _ = trajectory_of(controls, 1.0, limits).peak_ratios()
         duration_s = max(duration_s, velocity, acceleration**0.5)
     else:
-        duration_s *= SPEEDING
+        duration_s *= ACCELERATING
         v_ends[1] = 2.0 * (qs[-1] - qs[-2]) / (passed[-1] - passed[-2]) / duration_s
     return Sketch(qs, v_ends, duration_s)
 
 
-def drawn_to(sketch: Sketch, q_end: FloatArray, duration_s: float) -> Sketch:
-    """The same from rest to rest, but for an end elsewhere and another duration."""
+def bent_to(sketch: Sketch, q_end: FloatArray, duration_s: float) -> Sketch:
+    """The same from rest to rest, deformed to another end, with another duration."""
     share = _eased(np.linspace(0.0, 1.0, len(sketch.q)))[:, None]
     return Sketch(sketch.q + share * (q_end - sketch.q[-1]), sketch.v_ends, duration_s)
 
 
 def _eased(t: FloatArray) -> FloatArray:
-    """From 0 to 1, at rest at both."""
+    """From 0 to 1, at rest at both ends."""
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
-class Followed(NamedTuple):
+class LineFollowed(NamedTuple):
     """How far an arm can follow a line.
 
     Attributes:
-        qs: the configurations that were asked for, as far as it can, shape (7,) each, rad.
-        fraction: of the line, that it can follow.
-        q: where it is there, shape (7,), rad.
+        qs: configurations at the requested fractions, as far as reached, shape (7,) each, rad.
+        fraction: of the line that it can follow.
+        q: configuration there, shape (7,), rad.
     """
 
     qs: list[FloatArray]
@@ -87,13 +88,13 @@ class Followed(NamedTuple):
     q: FloatArray
 
 
-def followed(
+def follow(
     arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, fractions: Sequence[float]
-) -> Followed:
-    """Configurations at fractions of a line, one after the other, as far as the arm can follow.
+) -> LineFollowed:
+    """Configurations at successive fractions of a line, as far as the arm can follow.
 
-    Newton's method with steps of least norm (Whitney, "Resolved motion rate control of manipulators
-    and human prostheses", 1969); joints that meet a limit are held there.
+    Newton's method with least-norm steps (Whitney, "Resolved motion rate control of manipulators
+    and human prostheses", 1969); joints that reach a limit are held there.
     """
     found: list[FloatArray] = []
     at = 0.0
@@ -101,26 +102,26 @@ def followed(
         to = s
         while at < s:
             ahead = _corrected(arm, limits, q, line, to)
-            if ahead is not None and np.abs(ahead - q).max() <= STRIDE_RAD:
+            if ahead is not None and np.abs(ahead - q).max() <= MAX_STRIDE_RAD:
                 q, at, to = ahead, to, s
-            elif to - at > LEAST_STRIDE:
+            elif to - at > MIN_STRIDE:
                 to = (at + to) / 2.0
             else:
-                return Followed(found, at, q)
+                return LineFollowed(found, at, q)
         found.append(q)
-    return Followed(found, at, q)
+    return LineFollowed(found, at, q)
 
 
 def _corrected(
     arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, s: float
 ) -> FloatArray | None:
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         error = line.error(s, arm.T_base_tip(q))
         if np.linalg.norm(error) <= ACCURACY:
             return q
         jacobian, is_free = arm.jacobian(q), np.ones(len(q), dtype=np.bool_)
         for _ in range(len(q)):
-            step = np.linalg.lstsq(jacobian * is_free, error, rcond=LEAST_RATIO)[0]
+            step = np.linalg.lstsq(jacobian * is_free, error, rcond=MIN_SINGULAR_RATIO)[0]
             stays = (limits.q_min <= q + step) & (q + step <= limits.q_max)
             if stays[is_free].all():
                 break
@@ -129,18 +130,18 @@ def _corrected(
     return None
 
 
-def between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:
+def guess_between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:
     """From the end of one motion to the start of another, by cubics."""
     q0, q1 = before.q[-1], after.q[0]
     v_ends = np.array([before.v_ends[1], after.v_ends[0]])
-    duration_s = SPARE * float(rest_to_rest_s(q1 - q0, limits))
-    duration_s += REACTION * (before.duration_s + after.duration_s)
+    duration_s = TRANSFER_SLACK * float(rest_to_rest_s(q1 - q0, limits))
+    duration_s += REVERSAL_SHARE * (before.duration_s + after.duration_s)
     t = np.linspace(0.0, 1.0, intervals + 1)[:, None]
     v0, v1 = v_ends * duration_s
     q = q0 + t * v0 + t**2 * (3.0 * (q1 - q0) - 2.0 * v0 - v1)
     return Sketch(q + t**3 * (v0 + v1 - 2.0 * (q1 - q0)), v_ends, duration_s)
 
 
-def backwards(sketch: Sketch) -> Sketch:
-    """The way back."""
+def reversed_sketch(sketch: Sketch) -> Sketch:
+    """The same motion in reverse."""
     return Sketch(sketch.q[::-1], -sketch.v_ends[::-1], sketch.duration_s)

@@ -43,13 +43,13 @@ from planner.motion.program.unknowns import (
 from planner.splines import Sketch, trajectory_of
 from planner.trajectory import Trajectory
 
-SHORTEST, LONGEST = 1e-3, 1e3
-"""Of a phase, in units of the longest one of the guess: so numbers are of the same size whatever
-the limits are."""
+MIN_DURATION, MAX_DURATION = 1e-3, 1e3
+"""Bounds of a phase's duration, in units of the longest one of the guess, so that numbers are of
+similar size whatever the limits are."""
 
-SHORTFALL_PER_M, MOST_SHORTFALL_M = 20.0, 0.3
-"""What a metre of clearance that is missing in an interval costs, in the same units, and how much
-may be."""
+SHORTFALL_PER_M, MAX_SHORTFALL_M = 20.0, 0.3
+"""Cost of a metre of missing clearance in an interval, in the same units, and the maximum
+shortfall."""
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -79,18 +79,18 @@ _OPTIONS: dict[str, Any] = {
 
 
 class MotionProgram:
-    """The program of some phases in a row; the arm rests at first and at last, or is on a line.
+    """The program of successive phases; the arm rests at the start and at the end, or is on a line.
 
     Attributes:
         phases: in order.
     """
 
     def __init__(self, phases: Sequence[Phase], joints: int) -> None:
-        """State it and its derivatives, which takes a tenth of a second.
+        """Build the program and its derivatives, which takes a tenth of a second.
 
         Args:
             phases: in order; at the end of the last one the arm rests, or leaves its line at speed.
-            joints: how many joints move.
+            joints: number of joints that move.
         """
         self.phases = tuple(phases)
         self._unknowns = Unknowns.of(self.phases, joints)
@@ -102,7 +102,7 @@ class MotionProgram:
         rows = [each for each in made if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
         self._rows = _RowFunctions.of(rows, x, numbers.all)
-        self._one_at_a_time = threading.Lock()  # the solver says of its last call how it went
+        self._one_at_a_time = threading.Lock()  # the solver's status is that of its last call
         self._solver = self._made(None)
 
     def solve(
@@ -116,9 +116,9 @@ class MotionProgram:
         """The fastest motions near a guess; None where no feasible ones are found.
 
         Args:
-            guess: one for each phase, over as many intervals.
-            task: what is asked for.
-            arm: whose tip; may be None where nothing is asked of it.
+            guess: one for each phase, with as many intervals.
+            task: the parameters of the problem.
+            arm: whose tip is constrained; may be None without constraints on the tip.
             limits: of its joints.
             clearances: distances to keep.
         """
@@ -141,7 +141,7 @@ class MotionProgram:
         return self._motions(x, task, limits)
 
     def _made(self, clear: ClearanceRows | None) -> ca.Function:
-        """The solver, which takes a hundredth of a second; with rows of clearance or without."""
+        """The solver, built in a hundredth of a second, with or without rows of clearance."""
         more = 0 if clear is None else clear.shortfalls
         matrix = ca.DM(0, self._unknowns.count) if clear is None else clear.matrix
         x, p = ca.MX.sym("x", self._unknowns.count + more), ca.MX.sym("p", self._rows.numbers)
@@ -168,7 +168,7 @@ class MotionProgram:
     def _kept(
         self, given: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
     ) -> dict[str, FloatArray]:
-        """What the solver is given otherwise where clearance is kept."""
+        """Changed inputs of the solver with rows of clearance."""
         x0, low, high = given["x0"], given["lbx"].copy(), given["ubx"].copy()
         for controls in self._unknowns.controls:
             near = controls[controls < self._unknowns.count]
@@ -178,16 +178,16 @@ class MotionProgram:
         return {
             "x0": np.concatenate([x0, none]),
             "lbx": np.concatenate([low, none]),
-            "ubx": np.concatenate([high, none + MOST_SHORTFALL_M]),
+            "ubx": np.concatenate([high, none + MAX_SHORTFALL_M]),
             "lbg": np.concatenate([given["lbg"], rows.low]),
             "ubg": np.concatenate([given["ubg"], np.full(len(rows.low), np.inf)]),
         }
 
     def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
-        """Of the unknowns: controls within the limits, as then the motion is."""
+        """Bounds of the unknowns: if the controls are within the limits, the motion is."""
         unknowns = self._unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
-        low[unknowns.durations], high[unknowns.durations] = SHORTEST, LONGEST
+        low[unknowns.durations], high[unknowns.durations] = MIN_DURATION, MAX_DURATION
         for controls in unknowns.controls:
             is_unknown = controls < unknowns.count
             for values, bounds in ((low, limits.q_min), (high, limits.q_max)):
@@ -217,7 +217,7 @@ class MotionProgram:
     def _motions(
         self, x: FloatArray, task: MotionTask, limits: JointLimits
     ) -> tuple[Trajectory, ...]:
-        """What the unknowns say, slowed down by what rounding leaves outside the limits."""
+        """The motions of a solution, slowed down by any violation of the limits due to rounding."""
         known = np.concatenate([x, *ends_of(task)])
         controls = [known[where] for where in self._unknowns.controls]
         durations = x[self._unknowns.durations]
@@ -228,7 +228,7 @@ class MotionProgram:
 
 
 class _RowFunctions(NamedTuple):
-    """All rows of a program but those of clearance, as functions of unknowns and numbers."""
+    """All rows of a program except those of clearance, as functions of unknowns and numbers."""
 
     value: ca.Function
     jacobian: ca.Function
@@ -254,23 +254,23 @@ class _RowFunctions(NamedTuple):
 
 
 def _answer(solver: ca.Function, given: Mapping[str, FloatArray]) -> FloatArray | None:
-    """The unknowns that a solver finds; None where it fails."""
+    """The solution of a solver; None where it fails."""
     answer = solver(**given)
     found: FloatArray = np.array(answer["x"]).ravel()
     return found if solver.stats()["success"] else None
 
 
-LED_CLEAR_M, SHORT_OF_M = 0.005, 0.002
-"""What is kept of obstacles beside what is asked for, and by how much a motion that is tried may
-fall short of it: distances are bounded at some times, and those of hulls."""
+EXTRA_MARGIN_M, MARGIN_TOLERANCE_M = 0.005, 0.002
+"""Distance to obstacles in addition to the required one, and how much of it may be missing in a
+motion that is tried: distances are bounded at some times only, and those of hulls."""
 
-ROUNDS, TRUST_RAD, LESS_TRUST = 10, 0.4, 0.7
-"""How often bounds are taken anew, how far a control may be led from where they were, and how much
-less each time from half of the rounds on."""
+MAX_ROUNDS, TRUST_RAD, TRUST_DECAY = 10, 0.4, 0.7
+"""Maximum number of rounds; maximum change of a control since the bounds were computed, and the
+factor of its reduction in each of the last half of the rounds."""
 
-BY_ROUND, MOST_FAILURES, SETTLED = 5, 1, 3e-3
-"""A motion that is not clear after so many rounds, or had no solution more often than that, is
-given up; one that is clear and whose duration changes by less than this share is good enough."""
+MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
+"""The search ends without a clear motion after so many rounds, or with more failures than this; and
+with a clear one when its duration changes by less than this share."""
 
 Motions: TypeAlias = tuple[Trajectory, ...]
 """One for each phase of a program."""
@@ -286,10 +286,10 @@ def led_around(
     *,
     enough_s: float = 0.0,
 ) -> list[Motions]:
-    """Motions near sketches that look clear where distances were bounded; the last found first.
+    """Motions near sketches that are clear at the sampled distances; the last found first.
 
-    Each was found from the one after it and mostly is faster. Whether they are clear is for the
-    caller to prove.
+    Each was found from the one after it and is usually faster. The caller proves whether they are
+    clear.
 
     Args:
         solve: the program.
@@ -299,18 +299,18 @@ def led_around(
     """
     found: list[Motions] = []
     failures, trust_rad, bounds = 0, TRUST_RAD, _bounds(obstacles, sketches)
-    for number in range(1, ROUNDS + 1):
+    for number in range(1, MAX_ROUNDS + 1):
         led = solve(sketches, Clearances(bounds, trust_rad))
-        if led is None or number > ROUNDS // 2:
-            trust_rad *= LESS_TRUST
+        if led is None or number > MAX_ROUNDS // 2:
+            trust_rad *= TRUST_DECAY
         if led is None:
             failures += 1
         else:
             sketches = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
             bounds = _bounds(obstacles, sketches)
-            if min(each.excess_m for each in bounds) > -SHORT_OF_M:
+            if min(each.excess_m for each in bounds) > -MARGIN_TOLERANCE_M:
                 found.insert(0, led)
-        is_hopeless = failures > MOST_FAILURES or (number >= BY_ROUND and not found)
+        is_hopeless = failures > MAX_FAILURES or (number >= MAX_ROUNDS_TO_CLEAR and not found)
         if is_hopeless or (led is not None and _is_good(found, enough_s)):
             break
     return found
@@ -321,7 +321,7 @@ def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[
 
 
 def _is_good(found: Sequence[Motions], enough_s: float) -> bool:
-    """Whether the last found motions are fast enough, or hardly faster than those before."""
+    """Whether the last motions are fast enough, or hardly faster than the previous ones."""
     times = [sum(motion.duration for motion in motions) for motions in found[:2]]
     if times and times[0] <= enough_s:
         return True

@@ -37,10 +37,10 @@ class _Terms(NamedTuple):
     """m terms, each of k controls.
 
     Attributes:
-        rows: to which row each belongs, shape (m,).
-        phases: whose duration counts, shape (m,).
+        rows: row of each, shape (m,).
+        phases: phase whose duration divides it, shape (m,).
         powers: of the duration, shape (m,).
-        bounds: which of the limits it is divided by, shape (m,); 1 stands behind these.
+        bounds: index of the limit that divides it, shape (m,); 1 follows the limits.
         columns: the controls, shape (m, k).
         weights: of the controls, shape (m, k).
     """
@@ -61,15 +61,15 @@ class _Terms(NamedTuple):
         columns: Indices,
         weights: FloatArray,
     ) -> _Terms:
-        """Those of one phase and order, which `at` says."""
+        """Terms of one phase and order, given by `at`."""
         phases, powers = (np.full_like(rows, number) for number in at)
         return cls(rows, phases, powers, bounds, columns, np.broadcast_to(weights, columns.shape))
 
 
 def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
-    """Shares of the limits of v, a and j, in -1..1; jumps of q, v and a from phase to phase, 0.
+    """Shares of the limits of v, a and j, in -1..1; jumps of q, v and a between phases, 0.
 
-    Where the first phase begins at speed, how far that is from the start, 0.
+    Where the first phase begins at speed, also the distance of its start from the given one, 0.
     """
     groups: list[_Terms] = []
     count, joints = 0, unknowns.joints
@@ -92,7 +92,7 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
 
 
 def _limited(first: int, phase: int, order: int, controls: Indices, weights: FloatArray) -> _Terms:
-    """A row for each control of a derivative that is not always zero."""
+    """A row for each control of a derivative that is not identically zero."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, len(weights), axis=0)
     moves = (windows != windows[..., :1]).any(axis=-1)
     joints = controls.shape[1]
@@ -104,7 +104,7 @@ def _limited(first: int, phase: int, order: int, controls: Indices, weights: Flo
 def _joined(
     first: int, phase: int, intervals: tuple[int, int], controls: Sequence[Indices]
 ) -> list[_Terms]:
-    """A row for each joint and order: the end of a phase less the start of the next."""
+    """A row for each joint and order: the end of a phase minus the start of the next."""
     before, after = controls[phase][-3:].T, controls[phase + 1][:3].T
     joints, found = len(before), []
     one = np.full(joints, 3 * joints)
@@ -117,7 +117,7 @@ def _joined(
 
 
 def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
-    """A row for each joint: the first position less the one that is given."""
+    """A row for each joint: the initial position minus the given one."""
     joint = np.arange(unknowns.joints)
     rows, one = first + joint, np.full_like(joint, 3 * len(joint))
     given = unknowns.count + joint[:, None]
@@ -160,15 +160,15 @@ def _differentiated(
 
 
 class Rows(NamedTuple):
-    """Some constraints, `low <= g(x) <= high`, with their derivatives.
+    """Constraints, `low <= g(x) <= high`, with their derivatives.
 
     Attributes:
         g: n x 1.
         low: shape (n,).
         high: shape (n,).
         jacobian: of g, sparse.
-        hessian: from multipliers, n x 1, to the second derivatives of `multipliers . g`, sparse,
-            the upper triangle.
+        hessian: maps multipliers, n x 1, to the Hessian of `multipliers . g`, sparse, its upper
+            triangle.
     """
 
     g: ca.MX
@@ -179,7 +179,7 @@ class Rows(NamedTuple):
 
 
 class SparseSum:
-    """A matrix made by `M[row, column] += weight * entry`, for entries computed elsewhere."""
+    """A matrix defined by `M[row, column] += weight * entry`, for entries computed elsewhere."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[Indices, Indices, Indices, FloatArray]] = []
@@ -187,18 +187,18 @@ class SparseSum:
     def add(
         self, rows: Indices, columns: Indices, entries: Indices, weights: FloatArray | float = 1.0
     ) -> None:
-        """Add entries by their numbers; all arguments have shapes that go together."""
+        """Add entries by their numbers; the shapes of all arguments are broadcast."""
         given = np.broadcast_arrays(rows, columns, entries)
         each = np.broadcast_to(np.asarray(weights, dtype=np.float64), given[0].shape)
         self._parts.append((*(numbers.ravel() for numbers in given), each.ravel()))  # type: ignore[arg-type]
 
     def matrix(self, entries: ca.MX, shape: tuple[int, int], *, is_upper: bool = False) -> ca.MX:
-        """The sparse matrix, of what lies inside its shape.
+        """The sparse matrix; entries outside its shape are dropped.
 
         Args:
             entries: the numbers, n x 1.
             shape: rows and columns.
-            is_upper: whether to leave out what is below the diagonal.
+            is_upper: whether to drop entries below the diagonal.
         """
         rows, columns, numbers, weights = (
             np.concatenate(part) for part in zip(*self._parts, strict=True)
@@ -212,7 +212,7 @@ class SparseSum:
 
 
 def constant(rows: Indices, columns: Indices, weights: FloatArray, shape: tuple[int, int]) -> ca.DM:
-    """A sparse matrix of constants; those at one place are added up."""
+    """A sparse matrix of constants; entries at the same position are added."""
     pattern, places = _pattern(rows, columns, shape)
     return ca.DM(pattern, np.bincount(places, weights, pattern.nnz()))
 
@@ -220,18 +220,18 @@ def constant(rows: Indices, columns: Indices, weights: FloatArray, shape: tuple[
 def _pattern(
     rows: Indices, columns: Indices, shape: tuple[int, int]
 ) -> tuple[ca.Sparsity, Indices]:
-    """Where entries are, and which of these each one is; CasADi counts column by column."""
+    """Positions of the entries, and the index of each among them; CasADi counts by columns."""
     keys, places = np.unique(columns * shape[0] + rows, return_inverse=True)
     where = (keys % shape[0]).tolist(), (keys // shape[0]).tolist()
     return ca.Sparsity.triplet(*shape, *where), places
 
 
 class Clearances(NamedTuple):
-    """Linear bounds on distances, and how far they are trusted.
+    """Linear bounds on distances, and their trust region.
 
     Attributes:
         bounds: those of each phase, in order.
-        trust_rad: how far a control may be from where the bounds were taken.
+        trust_rad: maximum change of a control since the bounds were computed.
     """
 
     bounds: Sequence[LinearBounds]
@@ -239,12 +239,12 @@ class Clearances(NamedTuple):
 
 
 class ClearanceRows(NamedTuple):
-    """What distances exceed what is needed by: `matrix @ (unknowns, shortfalls) - low`, m.
+    """Excess of distances over the required ones: `matrix @ (unknowns, shortfalls) - low`, m.
 
     Attributes:
         matrix: constant and sparse, shape (rows, unknowns + shortfalls).
-        low: the least value of each row of the product, shape (rows,).
-        shortfalls: how many there are, one for each interval.
+        low: minimum of each row of the product, shape (rows,).
+        shortfalls: their number, one for each interval.
     """
 
     matrix: ca.DM
@@ -255,12 +255,12 @@ class ClearanceRows(NamedTuple):
 def clearance_rows(
     unknowns: Unknowns, bounds: Sequence[LinearBounds], q_ends: FloatArray
 ) -> ClearanceRows:
-    """The rows of a program for bounds on distances; those that bound nothing are left out.
+    """The rows of a program for bounds on distances; trivial bounds are dropped.
 
     Args:
         unknowns: of the program.
         bounds: those of each phase, in order.
-        q_ends: angles of start and goal, which stand behind the unknowns, one after the other, rad.
+        q_ends: angles of start and goal, which follow the unknowns, rad.
     """
     weights, numbers = (np.concatenate([each[i] for each in bounds]) for i in (0, 1))
     windows = (

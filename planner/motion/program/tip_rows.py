@@ -29,13 +29,13 @@ from planner.splines import AT_KNOT
 
 
 class _Knot(NamedTuple):
-    """A knot at which something is asked of the tip.
+    """A knot with a constraint on the tip.
 
     Attributes:
         phase: its number.
-        place: which knot of the phase.
+        place: index of the knot in the phase.
         number: of the line, or of the height.
-        is_exact: whether nothing may be left of the error.
+        is_exact: whether the error must be zero.
     """
 
     phase: int
@@ -45,15 +45,15 @@ class _Knot(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """What is asked at some knots.
+    """Constraints at some knots.
 
     Attributes:
         knots: where.
         functions: of the controls there.
         given: numbers of each knot, a column for each.
-        scale: by what the values are multiplied, a column for each.
-        low: bounds of the products, one after the other.
-        high: the same.
+        scale: factors of the values, a column for each.
+        low: lower bounds of the products, concatenated.
+        high: upper bounds, likewise.
     """
 
     knots: Sequence[_Knot]
@@ -67,7 +67,7 @@ class _Asked(NamedTuple):
 def line_rows(
     phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows | None:
-    """Errors on lines, m and rad: zero where a phase begins and ends, shares of the tolerance else.
+    """Errors on lines: zero where a phase begins and ends, shares of the tolerance elsewhere.
 
     None where there are no lines.
     """
@@ -90,7 +90,7 @@ def line_rows(
 def height_rows(
     phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows | None:
-    """How far the tip is above the least height where it is free, m; None where it never is."""
+    """Height of the tip above the minimum where it is free, m; None where it never is."""
     free = [k for k, phase in enumerate(phases) if phase.keeps_height]
     knots = [
         _Knot(k, i, number) for number, k in enumerate(free) for i in range(1, phases[k].intervals)
@@ -106,9 +106,9 @@ def height_rows(
 def speed_rows(
     phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows | None:
-    """What the tip's motion lacks where the line is entered or left at speed; None where none is.
+    """Velocity and acceleration errors where the single line is entered or left at speed.
 
-    There is one line then.
+    None where it is not.
     """
     last = len(phases) - 1
     ends = [(0, 0, numbers.rates[:2])] if phases[0].enters else []
@@ -153,7 +153,7 @@ def _rows(asked: _Asked, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows
 
 
 def _sums(columns: Indices, weights: FloatArray, size: int) -> tuple[SparseSum, SparseSum]:
-    """How first and second derivatives by the inputs of all knots make those by the unknowns.
+    """Map derivatives by the inputs of all knots to those by the unknowns.
 
     The entries are dense matrices, (size, inputs) and (inputs, inputs) for each knot, by columns.
     """
@@ -173,7 +173,7 @@ def _sums(columns: Indices, weights: FloatArray, size: int) -> tuple[SparseSum, 
 
 
 def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, FloatArray]:
-    """Which unknowns make the inputs of each knot, with weights: two of shape (knots, inputs, 3).
+    """The unknowns that form each knot's inputs, and weights: two of shape (knots, inputs, 3).
 
     The inputs are the joint angles; or these and the fraction; or these, two derivatives by the
     fraction of the duration, and the duration.
@@ -211,12 +211,12 @@ class NodeFunctions:
 
     @property
     def all(self) -> tuple[ca.Function, ca.Function, ca.Function]:
-        """In this order."""
+        """Value, first and second derivative."""
         return self.value, self.first, self.second
 
     @classmethod
     def of(cls, name: str, e: ca.SX, z: ca.SX, numbers: ca.SX, geometry: ca.SX) -> NodeFunctions:
-        """Differentiate."""
+        """Differentiate an expression."""
         given, multipliers = [z, numbers, geometry], ca.SX.sym("multipliers", e.numel())
         hessian, _ = ca.hessian(ca.dot(multipliers, e), z)
         options = {"cse": True}
@@ -228,16 +228,16 @@ class NodeFunctions:
 
 
 def on_line() -> NodeFunctions:
-    """How far the tip is from a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
+    """Error of the tip on a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
 
-    Against the pose at the fraction s of the way. The rotation is the sine of its angle, about the
-    axes of that pose; numbers are `line_numbers`.
+    Relative to the pose at the fraction s of the way. The rotation is the sine of its angle, about
+    the axes of that pose; numbers are `line_numbers`.
     """
     return _at_knots()[0]
 
 
 def above() -> NodeFunctions:
-    """How far the tip is above a height of base, m: z is q, the number is the height."""
+    """Height of the tip above a height in base, m: z is q, the number is the height."""
     return _at_knots()[1]
 
 
@@ -264,10 +264,10 @@ def _on_line() -> NodeFunctions:
 
 @cache
 def moving() -> NodeFunctions:
-    """What a tip's motion lacks to one along a line: z is (q, q', q'', T), e is 12 x 1.
+    """Difference of a tip's motion from one along a line: z is (q, q', q'', T), e is 12 x 1.
 
     Derivatives of q are by the fraction of the duration T; e is the tip's velocity, linear and
-    angular, and acceleration by that fraction, less those of the line, m and rad. Numbers are
+    angular, and acceleration by that fraction, minus those of the line, m and rad. Numbers are
     `line_numbers`, then first and second derivative of the line's fraction by time.
     """
     q, p_tip, R_tip, geometry = _tip()
@@ -293,7 +293,7 @@ def _above() -> NodeFunctions:
 
 
 def _tip() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Joint angles, the tip's position and rotation seen from the first axis, the geometry."""
+    """Joint angles, position and rotation of the tip seen from the first axis, the geometry."""
     chain, others = SymbolicChain.of_shape(Shape.GENERAL), ca.SX.sym("others", 9 + 4)
     p_tip = chain.p_link_last + chain.R_link_last @ chain.p_last_tip
     R_tip = chain.R_link_last @ ca.reshape(others[:9], 3, 3)

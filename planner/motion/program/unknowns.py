@@ -17,19 +17,20 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.motion.straight_line import StraightLine
 
 LINE_NUMBERS = 19
-"""First position and rotation, way, axis and angle of the turn."""
+"""Initial position and rotation, displacement, axis and angle of the rotation."""
 
 GEOMETRY_NUMBERS = 31 + 9 + 4
-"""Dimensions of the chain, rotation of the tip, what is up."""
+"""Dimensions of the chain, rotation of the tip, direction and offset of the vertical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
-    """Which unknown stands where; behind them, as if they were some, the angles of start and goal.
+    """Indices of the unknowns; the joint angles of start and goal follow them.
 
     Attributes:
-        count: how many unknowns there are.
-        controls: of each phase, shape (n + 3, joints). Where the arm rests, three in a row are one.
+        count: number of unknowns.
+        controls: of each phase, shape (n + 3, joints). Where the arm rests, three successive ones
+            are the same.
         durations: of each phase, shape (phases,).
         fractions: of the line at each knot, shape (n + 1,); None for phases without a line.
     """
@@ -41,7 +42,7 @@ class Unknowns:
 
     @classmethod
     def of(cls, phases: Sequence[Phase], joints: int) -> Unknowns:
-        """Number them, phase by phase."""
+        """Number the unknowns, phase by phase."""
         count = 0
 
         def new(*shape: int) -> Indices:
@@ -67,12 +68,12 @@ class Unknowns:
 
     @property
     def joints(self) -> int:
-        """How many joints there are."""
+        """Number of joints."""
         return int(self.controls[0].shape[1])
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of second derivatives."""
+        """Shape of the Hessian."""
         return self.count, self.count
 
 
@@ -86,7 +87,7 @@ class Numbers:
         geometry: `geometry_numbers`.
         tolerance: of lines, m and rad, 2 x 1.
         rates: where a line is entered and left at speed, 4 x 1.
-        heights: m, one for each phase that keeps one.
+        heights: m, one for each phase with a minimum height.
         lines: `line_numbers` of each.
     """
 
@@ -103,9 +104,9 @@ class Numbers:
 def numbers_of(
     task: MotionTask, arm: Arm | None, limits: JointLimits, unit_s: float = 1.0
 ) -> FloatArray:
-    """The parameters themselves; without an arm for a task that asks nothing of its tip.
+    """The values of the parameters; without an arm for a task without constraints on its tip.
 
-    Times are in a unit.
+    Times are in units of `unit_s`.
     """
     lines = [line_numbers(line, arm) for line in task.lines if arm is not None]
     geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm)
@@ -116,22 +117,21 @@ def numbers_of(
 
 
 def ends_of(task: MotionTask) -> tuple[FloatArray, FloatArray]:
-    """Start and goal as they stand behind the unknowns."""
+    """Start and goal, as they follow the unknowns."""
     return task.q_start, task.q_start if task.q_goal is None else task.q_goal
 
 
 class Phase(NamedTuple):
-    """What the arm does between two moments.
+    """One phase of a motion.
 
     Attributes:
         intervals: of its spline.
-        line: which of the lines the tip follows; None where it is free.
-        ends: from which fraction of the line to which.
+        line: number of the line that the tip follows; None where it is free.
+        ends: fractions of the line at the start and at the end.
         rests: whether the arm rests at the end.
-        at_goal: whether it rests there at the configuration that is given; its height on the way
-            does not matter then.
-        enters: whether the tip has a speed along its line at the start, which is given; for the
-            first phase.
+        at_goal: whether it rests there at the given configuration; its height on the way is then
+            not bounded.
+        enters: whether the tip has a given speed along its line at the start; for the first phase.
         leaves: the same at the end; for the last phase.
     """
 
@@ -151,16 +151,16 @@ class Phase(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionTask:
-    """What a program is solved for.
+    """The parameters of a problem.
 
     Attributes:
-        q_start: where the arm is at first, shape (7,), rad.
+        q_start: initial configuration, shape (7,), rad.
         lines: those of the phases, by their numbers.
         tolerance: of the lines, at the knots, along and about each axis, m and rad.
-        heights_m: the least height of the tip in base, for each phase that keeps one.
-        q_goal: where the arm rests at last, if that is given, shape (7,), rad.
-        rates: of the fraction of the line, by time, where it is entered and left at speed: first
-            and second derivative there, then here.
+        heights_m: minimum height of the tip in base, for each phase that keeps one.
+        q_goal: final configuration at rest, if given, shape (7,), rad.
+        rates: first and second time derivative of the fraction of the line where it is entered at
+            speed, then where it is left.
     """
 
     q_start: FloatArray
@@ -172,7 +172,7 @@ class MotionTask:
 
 
 def line_numbers(line: StraightLine, arm: Arm) -> FloatArray:
-    """A line of the tip as `on_line` takes it, shape (19,)."""
+    """The parameters of a line of the tip, shape (19,)."""
     first = _parameters(arm).T_base_first.inverse()
     start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
     angle = np.linalg.norm(turn)
@@ -185,7 +185,7 @@ _parameters = lru_cache(maxsize=8)(DHParameters.of)
 
 
 def geometry_numbers(arm: Arm) -> FloatArray:
-    """An arm as all of them take it, shape (44,)."""
+    """The parameters of an arm, shape (44,)."""
     dh = _parameters(arm)
     up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
     return np.concatenate([dimensions_of(dh), dh.T_last_tip.rotation.ravel("F"), up])

@@ -18,7 +18,7 @@ from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.collision.continuous.proof import prove_clear
 from planner.collision.sampling import looks_clear, sample_times
 from planner.errors import FreeMoveError, MotionError
-from planner.motion.free_move import ROUNDS, IsClear, plan_free_move
+from planner.motion.free_move import MAX_SEARCHES, IsClear, plan_free_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world
 from tests.planner.ompl import needs_ompl
@@ -189,7 +189,7 @@ def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
 
     with pytest.raises(FreeMoveError, match="4 ways around the obstacles were found, none proven"):
         plan(is_clear=judge, timeout_s=60.0)
-    assert len(asked) > ROUNDS
+    assert len(asked) > MAX_SEARCHES
 
 
 @needs_ompl

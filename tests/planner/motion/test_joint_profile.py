@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from planner.motion.joint_profile import (
     ROUNDING,
+    AxisState,
     Profile,
     Rates,
-    State,
     corrected,
     direct,
     through_rest,
@@ -26,14 +26,14 @@ def random_rates(rng: np.random.Generator) -> Rates:
     return Rates(*np.exp(rng.uniform(np.log([0.1, 0.2, 1.0]), np.log([5.0, 20.0, 200.0]))).tolist())
 
 
-def random_state(rng: np.random.Generator, rates: Rates) -> State:
+def random_state(rng: np.random.Generator, rates: Rates) -> AxisState:
     """A state from which the limits can be kept, before it and after it."""
     a = float(rng.uniform(-1, 1)) * min(rates.a, (rates.v * rates.j) ** 0.5)
     v = float(rng.uniform(-1, 1)) * (rates.v - a * a / (2 * rates.j))
-    return State(float(rng.uniform(-1, 1)), v, a)
+    return AxisState(float(rng.uniform(-1, 1)), v, a)
 
 
-def assert_ends_at(profile: Profile, start: State, goal: State) -> None:
+def assert_ends_at(profile: Profile, start: AxisState, goal: AxisState) -> None:
     assert min(profile.lengths_s) >= 0.0
     assert profile.end(start) == pytest.approx(goal, abs=1e-9)
 
@@ -74,21 +74,21 @@ def test_what_two_phases_join_is_joined_directly_and_no_slower(
 
 def test_states_that_are_microseconds_apart_are_joined_by_one_ramp() -> None:
     """The change of velocity is 1e-10 rad/s, of which the sixth digit is rounding."""
-    start = State(-9.530624779396373e-05, -1.4999999767005596, 0.0001319299184887559)
-    goal = State(-0.00011654892493801943, -1.499999976837758, -0.00015130578121525548)
+    start = AxisState(-9.530624779396373e-05, -1.4999999767005596, 0.0001319299184887559)
+    goal = AxisState(-0.00011654892493801943, -1.499999976837758, -0.00015130578121525548)
     found = direct(start, goal, RATES)
     assert found is not None
     assert found.duration == pytest.approx((start.a - goal.a) / RATES.j, rel=1e-6)
 
 
 def test_states_that_no_two_phases_join_are_not_joined_directly() -> None:
-    assert direct(State(0.0, 0.0, 0.0), State(1.0, 0.0, 0.0), RATES) is None
+    assert direct(AxisState(0.0, 0.0, 0.0), AxisState(1.0, 0.0, 0.0), RATES) is None
 
 
 def test_a_profile_is_corrected_to_end_at_its_goal_and_in_a_given_time() -> None:
-    start = State(0.0, 0.1, -0.2)
-    profile = through_rest(start, State(1.0, 0.2, 0.3), RATES)
-    goal = State(1.0 + 3e-9, 0.2 - 2e-9, 0.3)
+    start = AxisState(0.0, 0.1, -0.2)
+    profile = through_rest(start, AxisState(1.0, 0.2, 0.3), RATES)
+    goal = AxisState(1.0 + 3e-9, 0.2 - 2e-9, 0.3)
     for duration in (profile.duration, profile.duration + 1e-9):
         found = corrected(profile, start, goal, duration)
         assert tuple(found.end(start)) == pytest.approx(tuple(goal), abs=1e-12)
@@ -96,30 +96,30 @@ def test_a_profile_is_corrected_to_end_at_its_goal_and_in_a_given_time() -> None
 
 
 def test_a_profile_that_would_have_to_change_a_lot_is_left_as_it_is() -> None:
-    start, goal = State(0.0, 0.0, 0.0), State(1.0, 0.0, 0.0)
+    start, goal = AxisState(0.0, 0.0, 0.0), AxisState(1.0, 0.0, 0.0)
     profile = through_rest(start, goal, RATES)
-    assert corrected(profile, start, State(1.1, 0.0, 0.0)) is profile
+    assert corrected(profile, start, AxisState(1.1, 0.0, 0.0)) is profile
 
 
 @pytest.mark.parametrize(
     ("state", "inside"),
     [
-        (State(0.0, 1.5 * (1 + 1e-10), 0.0), State(0.0, 1.5, 0.0)),
-        (State(0.0, 0.0, -2.0 * (1 + 1e-10)), State(0.0, 0.0, -2.0)),
-        (State(0.0, 1.499 + 1e-10, 0.2), State(0.0, 1.499, 0.2)),
-        (State(0.0, 1.499 + 1e-10, -0.2), State(0.0, 1.499 + 1e-10, -0.2)),
-        (State(0.0, 1.51, 0.0), State(0.0, 1.51, 0.0)),
+        (AxisState(0.0, 1.5 * (1 + 1e-10), 0.0), AxisState(0.0, 1.5, 0.0)),
+        (AxisState(0.0, 0.0, -2.0 * (1 + 1e-10)), AxisState(0.0, 0.0, -2.0)),
+        (AxisState(0.0, 1.499 + 1e-10, 0.2), AxisState(0.0, 1.499, 0.2)),
+        (AxisState(0.0, 1.499 + 1e-10, -0.2), AxisState(0.0, 1.499 + 1e-10, -0.2)),
+        (AxisState(0.0, 1.51, 0.0), AxisState(0.0, 1.51, 0.0)),
     ],
 )
 def test_a_state_is_moved_inside_its_limits_where_rounding_took_it_out(
-    state: State, inside: State
+    state: AxisState, inside: AxisState
 ) -> None:
     assert RATES.moved_inside(state) == pytest.approx(inside, abs=1e-15)
 
 
 @pytest.mark.parametrize("tiny", [3e-158, 5e-324, -1e-200])
 def test_speeds_next_to_nothing_make_no_profile_that_lasts_for_ever(tiny: float) -> None:
-    moving, there = State(0.0, tiny, 0.0), State(0.5, tiny, 0.0)
+    moving, there = AxisState(0.0, tiny, 0.0), AxisState(0.5, tiny, 0.0)
     assert direct(moving, there, RATES) is None
-    assert direct(State(0.0, 0.1, tiny), State(0.5, 0.2, tiny), RATES) is None
+    assert direct(AxisState(0.0, 0.1, tiny), AxisState(0.5, 0.2, tiny), RATES) is None
     assert_ends_at(through_rest(moving, there, RATES), moving, there)

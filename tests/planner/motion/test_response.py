@@ -15,7 +15,7 @@ from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import Response, Trajectory, fit_response, plan_joint_move
 from planner.errors import ResponseError
-from planner.motion.response import LEAST_TRAVEL_RAD, left_over, load_response, save_response
+from planner.motion.response import MIN_TRAVEL_RAD, load_response, remaining_share, save_response
 from planner.motion.tracking_tube import tracking_tube
 from planner.trajectory import joined
 
@@ -112,8 +112,8 @@ def test_is_shown_in_one_line() -> None:
 
 def test_lags_however_short_leave_nothing_over() -> None:
     least = np.nextafter(0.0, 1.0)
-    assert left_over(0.01, np.array([0.0, least, 1e-300])).tolist() == [0.0, 0.0, 0.0]
-    assert left_over(0.0, np.array([0.0, least, 0.4])).tolist() == [1.0, 1.0, 1.0]
+    assert remaining_share(0.01, np.array([0.0, least, 1e-300])).tolist() == [0.0, 0.0, 0.0]
+    assert remaining_share(0.0, np.array([0.0, least, 0.4])).tolist() == [1.0, 1.0, 1.0]
 
 
 STEP_S = 0.01
@@ -259,12 +259,12 @@ def test_a_refusal_never_states_a_number_that_its_limit_allows(
     there_and_back: Trajectory, below: float
 ) -> None:
     t, u, q = recorded(there_and_back, TRUE_S)
-    travel = LEAST_TRAVEL_RAD * (1.0 - below)
+    travel = MIN_TRAVEL_RAD * (1.0 - below)
     u[:, 3] = np.linspace(0.0, travel, len(t))
     with pytest.raises(ResponseError) as refusal:
         fit_response(t, u, q)
     stated, limit = (float(number) for number in re.findall(r"([\d.]+) rad", str(refusal.value)))
-    assert stated < limit == LEAST_TRAVEL_RAD
+    assert stated < limit == MIN_TRAVEL_RAD
 
 
 def test_refuses_an_arm_that_does_not_follow(there_and_back: Trajectory) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from baxter_kin.errors import ConfigurationError
 from planner.errors import MotionError
-from planner.motion.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
+from planner.motion.rrt import EDGE_STEP_RAD, MAX_EDGE_RAD, search_corners
 from tests.planner.ompl import needs_ompl
 from tests.planner.toy_world import (
     AROUND_DISC,
@@ -226,7 +226,7 @@ def test_no_edge_is_longer_than_the_longest_and_shortcuts_leave_a_shorter_way(
     simplifier = importlib.import_module("ompl.geometric").PathSimplifier
     monkeypatch.setattr(simplifier, "partialShortcutPath", lambda *_: True)
     lengths = np.linalg.norm(np.diff(found(limits=wide), axis=0), axis=1)
-    assert lengths.max() <= LONGEST_EDGE_RAD + 1e-9
+    assert lengths.max() <= MAX_EDGE_RAD + 1e-9
     assert cut.sum() < lengths.sum()
 
 

@@ -23,18 +23,18 @@ from planner import (
 )
 from planner.errors import MotionError
 from planner.motion.straight_line import (
-    FARTHEST,
     HALF_TURN_MARGIN_RAD,
-    INTERVAL_M,
-    INTERVAL_RAD,
-    LEAST_LENGTH,
-    LEAST_M,
-    LEAST_RAD,
+    MAX_FRACTION,
+    MAX_INTERVAL_M,
+    MAX_INTERVAL_RAD,
+    MIN_KNOT_TOLERANCE,
+    MIN_LENGTH,
+    MIN_TOLERANCE_M,
+    MIN_TOLERANCE_RAD,
     STRICT,
-    TINY,
-    at_knots,
-    intervals_on,
+    intervals_of,
     is_on_line,
+    knot_tolerance,
 )
 from tests.planner.lines import above, q_above
 
@@ -94,7 +94,7 @@ def test_length_and_angle_are_those_of_the_way() -> None:
 def test_a_line_shorter_than_the_least_is_a_point() -> None:
     short, long = (
         StraightLine(pin.SE3.Identity(), pin.SE3(np.eye(3), np.array([0.0, 0.0, length])))
-        for length in (0.5 * LEAST_LENGTH, 2.0 * LEAST_LENGTH)
+        for length in (0.5 * MIN_LENGTH, 2.0 * MIN_LENGTH)
     )
     assert short.is_point
     assert not long.is_point
@@ -140,7 +140,7 @@ def test_what_is_no_fraction_is_no_place_on_the_line(s: Any) -> None:
         line.error(s, start)
 
 
-@given(st.floats(-FARTHEST, FARTHEST))
+@given(st.floats(-MAX_FRACTION, MAX_FRACTION))
 def test_every_place_on_the_line_is_a_pose(s: float) -> None:
     line = StraightLine(pin.SE3.Identity(), pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
     checked_pose(line.at(s))
@@ -184,7 +184,9 @@ def test_numbers_that_are_none_raise(bad: Any) -> None:
 FEWEST = 4
 
 
-tolerances = st.builds(LineTolerance, st.floats(LEAST_M, 0.01), st.floats(LEAST_RAD, 0.1))
+tolerances = st.builds(
+    LineTolerance, st.floats(MIN_TOLERANCE_M, 0.01), st.floats(MIN_TOLERANCE_RAD, 0.1)
+)
 
 
 def line(length_m: float, angle_rad: float = 0.0) -> StraightLine:
@@ -196,7 +198,7 @@ def line(length_m: float, angle_rad: float = 0.0) -> StraightLine:
 def test_a_tip_that_is_off_along_all_axes_is_within_the_tolerance(
     tolerance: LineTolerance,
 ) -> None:
-    position_m, rotation_rad = at_knots(tolerance)
+    position_m, rotation_rad = knot_tolerance(tolerance)
     assert 0.0 < math.sqrt(3.0) * position_m < tolerance.position_m
     assert 0.0 < math.sqrt(3.0) * rotation_rad < tolerance.rotation_rad
 
@@ -206,27 +208,27 @@ def test_a_wider_tolerance_leaves_no_less_at_the_knots(
     tolerance: LineTolerance, wider: float
 ) -> None:
     loose = LineTolerance(wider * tolerance.position_m, wider * tolerance.rotation_rad)
-    assert (np.array(at_knots(loose)) >= at_knots(tolerance)).all()
+    assert (np.array(knot_tolerance(loose)) >= knot_tolerance(tolerance)).all()
 
 
 @given(tolerances, st.floats(0.01, 0.5), st.floats(0.1, 3.0))
 def test_a_tip_ahead_on_its_line_is_not_turned_by_more_than_it_may_be(
     tolerance: LineTolerance, length_m: float, angle_rad: float
 ) -> None:
-    position_m, rotation_rad = at_knots(tolerance, [line(length_m, angle_rad)])
+    position_m, rotation_rad = knot_tolerance(tolerance, [line(length_m, angle_rad)])
     ahead_rad = position_m / length_m * angle_rad
-    assert ahead_rad <= rotation_rad * (1.0 + ROUNDING) or position_m == TINY
-    assert position_m <= at_knots(tolerance)[0]
+    assert ahead_rad <= rotation_rad * (1.0 + ROUNDING) or position_m == MIN_KNOT_TOLERANCE
+    assert position_m <= knot_tolerance(tolerance)[0]
 
 
 @given(tolerances, st.floats(0.0, 2.0), st.floats(0.0, 3.0))
 def test_no_interval_of_a_line_is_longer_than_the_longest(
     tolerance: LineTolerance, length_m: float, angle_rad: float
 ) -> None:
-    count = intervals_on(line(length_m, angle_rad), tolerance, FEWEST)
+    count = intervals_of(line(length_m, angle_rad), tolerance, FEWEST)
     assert count >= FEWEST
-    assert length_m / count <= INTERVAL_M * (1.0 + ROUNDING)
-    assert angle_rad / count <= INTERVAL_RAD * (1.0 + ROUNDING)
+    assert length_m / count <= MAX_INTERVAL_M * (1.0 + ROUNDING)
+    assert angle_rad / count <= MAX_INTERVAL_RAD * (1.0 + ROUNDING)
 
 
 @given(tolerances, st.floats(1.0, 10.0), st.floats(0.0, 1.0))
@@ -234,12 +236,12 @@ def test_a_tighter_tolerance_has_no_fewer_intervals(
     tolerance: LineTolerance, wider: float, length_m: float
 ) -> None:
     loose = LineTolerance(wider * tolerance.position_m, wider * tolerance.rotation_rad)
-    tight = intervals_on(line(length_m), tolerance, FEWEST)
-    assert tight >= intervals_on(line(length_m), loose, FEWEST)
+    tight = intervals_of(line(length_m), tolerance, FEWEST)
+    assert tight >= intervals_of(line(length_m), loose, FEWEST)
 
 
 def test_lines_of_all_lengths_have_few_numbers_of_intervals() -> None:
-    counts = {intervals_on(line(length_m), STRICT, FEWEST) for length_m in np.linspace(0, 1, 500)}
+    counts = {intervals_of(line(length_m), STRICT, FEWEST) for length_m in np.linspace(0, 1, 500)}
     assert counts == {*range(4, 21, 2), *range(30, 101, 10)}
 
 

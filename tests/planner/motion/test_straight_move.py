@@ -28,7 +28,7 @@ from planner import (
 from planner.errors import MotionError
 from planner.motion import straight_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
-from planner.motion.program.guess import Followed, along
+from planner.motion.program.guess import LineFollowed, guess_along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
@@ -134,13 +134,13 @@ def test_what_is_known_stays_where_another_guess_cannot_be_followed(
         intervals: int,
         *,
         ends_at_rest: bool,
-    ) -> Sketch | Followed:
+    ) -> Sketch | LineFollowed:
         asked.append(intervals)
         if len(asked) > 2:
-            return Followed([], 0.2, q)
-        return along(arm, limits, q, line, intervals, ends_at_rest=ends_at_rest)
+            return LineFollowed([], 0.2, q)
+        return guess_along(arm, limits, q, line, intervals, ends_at_rest=ends_at_rest)
 
-    monkeypatch.setattr(straight_move, "along", stuck)
+    monkeypatch.setattr(straight_move, "guess_along", stuck)
     found = drawn_move(left, 354)[0]
     assert len(asked) > 2
     assert found.duration > known.duration

@@ -189,7 +189,7 @@ class TestObstacles:
         self, manipulator: Manipulator, walled: Scene, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The program is not led, and the search around has no time."""
-        monkeypatch.setattr("planner.motion.program.motion_program.ROUNDS", 0)
+        monkeypatch.setattr("planner.motion.program.motion_program.MAX_ROUNDS", 0)
         monkeypatch.setattr("planner.pick_place.cycles.TIMEOUT_S", 1e-9)
         failure = planned(TASK, manipulator, walled).failure
         assert failure is not None

@@ -586,7 +586,7 @@ def test_any_other_statement_is_refused(
 def test_a_plan_too_large_is_refused(
     plan: Plan, monkeypatch: pytest.MonkeyPatch, name: str, count: int
 ) -> None:
-    monkeypatch.setattr(plan_file, "MOST", {**plan_file.MOST, name: count - 1})
+    monkeypatch.setattr(plan_file, "MAX_COUNTS", {**plan_file.MAX_COUNTS, name: count - 1})
     with pytest.raises(TaskError, match=f"{name}; at most {count - 1} can be checked"):
         verify(plan)
 

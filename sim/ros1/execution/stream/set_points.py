@@ -18,7 +18,7 @@ from baxter_kin.errors import expect_all
 from baxter_kin.fields import scalar, value
 from baxter_kin.validation import FloatArray
 from planner import Move, Trajectory
-from planner.motion.response import LONGEST_LEAD_S
+from planner.motion.response import MAX_LEAD_S
 from planner.trajectory import joined
 from sim.errors import SimulationError
 
@@ -42,14 +42,14 @@ class Pace:
 
     Attributes:
         speed: of plan time to time, in (0, 1].
-        lead_s: how far the set-points lead along the velocity, 0 .. `LONGEST_LEAD_S`.
+        lead_s: how far the set-points lead along the velocity, 0 .. `MAX_LEAD_S`.
 
     Raises:
         SimulationError: when a value is no number or outside its range.
     """
 
     speed: float = scalar(above=0.0, most=1.0, default=DEFAULT_SPEED)
-    lead_s: float = scalar(least=0.0, most=LONGEST_LEAD_S, default=0.0)
+    lead_s: float = scalar(least=0.0, most=MAX_LEAD_S, default=0.0)
 
 
 class SetPoint(NamedTuple):

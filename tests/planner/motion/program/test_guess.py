@@ -13,13 +13,13 @@ from baxter_kin.validation import FloatArray
 from planner import StraightLine
 from planner.motion.program.guess import (
     ACCURACY,
-    STRIDE_RAD,
-    Followed,
-    along,
-    backwards,
-    between,
-    drawn_to,
-    followed,
+    MAX_STRIDE_RAD,
+    LineFollowed,
+    bent_to,
+    follow,
+    guess_along,
+    guess_between,
+    reversed_sketch,
 )
 from planner.splines import Sketch, trajectory_of
 from tests.planner.lines import above, q_above
@@ -57,7 +57,7 @@ def up(left: Arm, q: FloatArray, height_m: float) -> StraightLine:
 def test_the_tip_is_where_the_line_is_at_each_fraction(
     left: Arm, q: FloatArray, down: StraightLine, fractions: list[float]
 ) -> None:
-    found = followed(left, left.limits, q, down, fractions)
+    found = follow(left, left.limits, q, down, fractions)
     assert len(found.qs) == len(fractions)
     for s, there in zip(fractions, found.qs, strict=True):
         assert np.linalg.norm(down.error(s, left.T_base_tip(there))) <= ACCURACY
@@ -68,14 +68,14 @@ def test_the_way_hardly_depends_on_how_often_it_is_asked_for(
     left: Arm, q: FloatArray, down: StraightLine
 ) -> None:
     """One long step is made of as many strides as are needed."""
-    far = followed(left, left.limits, q, down, [1.0]).q
-    near = followed(left, left.limits, q, down, np.linspace(0.0, 1.0, 200).tolist()).q
-    assert np.abs(far - near).max() <= STRIDE_RAD
+    far = follow(left, left.limits, q, down, [1.0]).q
+    near = follow(left, left.limits, q, down, np.linspace(0.0, 1.0, 200).tolist()).q
+    assert np.abs(far - near).max() <= MAX_STRIDE_RAD
 
 
 def test_where_the_arm_ends_the_line_is_followed_so_far(left: Arm, q: FloatArray) -> None:
     line, fractions = up(left, q, 1.0), np.linspace(0.0, 1.0, 21).tolist()
-    found = followed(left, left.limits, q, line, fractions)
+    found = follow(left, left.limits, q, line, fractions)
     assert 0.0 < found.fraction < 1.0
     assert len(found.qs) == sum(s <= found.fraction for s in fractions)
     assert np.linalg.norm(line.error(found.fraction, left.T_base_tip(found.q))) <= ACCURACY
@@ -85,7 +85,7 @@ def test_where_the_arm_ends_the_line_is_followed_so_far(left: Arm, q: FloatArray
 def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
     left: Arm, q: FloatArray, down: StraightLine, ends_at_rest: bool
 ) -> None:
-    found = along(left, left.limits, q, down, INTERVALS, ends_at_rest=ends_at_rest)
+    found = guess_along(left, left.limits, q, down, INTERVALS, ends_at_rest=ends_at_rest)
     assert isinstance(found, Sketch)
     assert found.intervals == INTERVALS
     off_m, off_rad = down.off(left.T_base_tips(found.q))
@@ -98,7 +98,7 @@ def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
 def test_at_rest_at_both_ends_it_keeps_the_limits_of_speed_and_acceleration(
     left: Arm, q: FloatArray, down: StraightLine
 ) -> None:
-    found = along(left, left.limits, q, down, INTERVALS, ends_at_rest=True)
+    found = guess_along(left, left.limits, q, down, INTERVALS, ends_at_rest=True)
     assert isinstance(found, Sketch)
     assert not found.v_ends.any()
     peaks = trajectory_of(found.controls, found.duration_s, left.limits).peak_ratios()
@@ -108,7 +108,7 @@ def test_at_rest_at_both_ends_it_keeps_the_limits_of_speed_and_acceleration(
 def test_left_at_speed_it_leaves_along_the_line(
     left: Arm, q: FloatArray, down: StraightLine
 ) -> None:
-    found = along(left, left.limits, q, down, INTERVALS)
+    found = guess_along(left, left.limits, q, down, INTERVALS)
     assert isinstance(found, Sketch)
     assert not found.v_ends[0].any()
     v_tip = (left.jacobian(found.q[-1]) @ found.v_ends[1])[:3]
@@ -117,8 +117,8 @@ def test_left_at_speed_it_leaves_along_the_line(
 
 
 def test_of_a_line_that_cannot_be_followed_it_is_told_how_far(left: Arm, q: FloatArray) -> None:
-    found = along(left, left.limits, q, up(left, q, 1.0), INTERVALS)
-    assert isinstance(found, Followed)
+    found = guess_along(left, left.limits, q, up(left, q, 1.0), INTERVALS)
+    assert isinstance(found, LineFollowed)
     assert found.fraction < 1.0
 
 
@@ -131,7 +131,7 @@ def random_sketch(seed: int, intervals: int = INTERVALS) -> Sketch:
 @given(seeds)
 def test_drawn_elsewhere_a_sketch_begins_as_before_and_ends_there(seed: int) -> None:
     sketch, q_end = random_sketch(seed), np.random.default_rng(seed).normal(size=7)
-    drawn = drawn_to(sketch, q_end, 2.0)
+    drawn = bent_to(sketch, q_end, 2.0)
     np.testing.assert_array_equal(drawn.q[0], sketch.q[0])
     np.testing.assert_allclose(drawn.q[-1], q_end, atol=ROUNDING)
     assert drawn.duration_s == 2.0
@@ -142,7 +142,7 @@ def test_between_two_motions_it_goes_on_as_one_ends_and_ends_as_the_other_begins
     left: Arm, seed: int
 ) -> None:
     before, after = random_sketch(seed), random_sketch(seed + 1)
-    found = between(before, after, left.limits, INTERVALS)
+    found = guess_between(before, after, left.limits, INTERVALS)
     np.testing.assert_allclose(found.q[0], before.q[-1], atol=ROUNDING)
     np.testing.assert_allclose(found.q[-1], after.q[0], atol=ROUNDING)
     np.testing.assert_array_equal(found.v_ends, [before.v_ends[1], after.v_ends[0]])
@@ -150,7 +150,7 @@ def test_between_two_motions_it_goes_on_as_one_ends_and_ends_as_the_other_begins
 
 @given(seeds)
 def test_between_two_motions_it_is_one_cubic_of_these_speeds(left: Arm, seed: int) -> None:
-    found = between(random_sketch(seed), random_sketch(seed + 1), left.limits, INTERVALS)
+    found = guess_between(random_sketch(seed), random_sketch(seed + 1), left.limits, INTERVALS)
     times = np.linspace(0.0, found.duration_s, INTERVALS + 1)
     cubic = np.polynomial.polynomial.Polynomial
     for joint in range(7):
@@ -163,7 +163,7 @@ def test_between_two_motions_it_is_one_cubic_of_these_speeds(left: Arm, seed: in
 @given(seeds)
 def test_the_way_back_of_the_way_back_is_the_way(seed: int) -> None:
     sketch = random_sketch(seed)
-    for one, other in zip(backwards(backwards(sketch)), sketch, strict=True):
+    for one, other in zip(reversed_sketch(reversed_sketch(sketch)), sketch, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -172,7 +172,7 @@ def test_the_way_back_passes_the_same_places_at_the_opposite_speed(left: Arm, se
     sketch = random_sketch(seed)
     there, back = (
         trajectory_of(each.controls, each.duration_s, left.limits)
-        for each in (sketch, backwards(sketch))
+        for each in (sketch, reversed_sketch(sketch))
     )
     times = np.linspace(0.0, sketch.duration_s, 20)
     here, reverse = there.sample(times), back.sample(sketch.duration_s - times)

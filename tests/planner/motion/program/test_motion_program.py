@@ -15,13 +15,13 @@ from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner import StraightLine, Trajectory, plan_joint_move
 from planner.motion.program import tip_rows
-from planner.motion.program.guess import along
+from planner.motion.program.guess import guess_along
 from planner.motion.program.motion_program import (
-    BY_ROUND,
-    LESS_TRUST,
-    MOST_FAILURES,
-    ROUNDS,
-    SHORT_OF_M,
+    MARGIN_TOLERANCE_M,
+    MAX_FAILURES,
+    MAX_ROUNDS,
+    MAX_ROUNDS_TO_CLEAR,
+    TRUST_DECAY,
     TRUST_RAD,
     MotionProgram,
     Motions,
@@ -106,7 +106,7 @@ def straight(
     """A rise, with limits as for that share of all speeds."""
     T, limits = arm.T_base_tip(q), arm.limits.scaled(speed)
     line = StraightLine(T, raised(T, height_m))
-    guess = along(arm, limits, q, line, intervals, ends_at_rest=True)
+    guess = guess_along(arm, limits, q, line, intervals, ends_at_rest=True)
     assert isinstance(guess, Sketch)
     program = MotionProgram([Phase(intervals, 0, rests=True)], 7)
     found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
@@ -230,7 +230,7 @@ def test_what_is_found_keeps_nearly_all_of_the_margin_where_it_is_bounded(
     for motion in found:
         middles_s = (np.arange(INTERVALS) + 0.5) / INTERVALS * motion.duration
         qs = motion.sample(middles_s).q
-        assert least_distance(AROUND_DISC, qs) > MARGIN_M - SHORT_OF_M - 1e-9
+        assert least_distance(AROUND_DISC, qs) > MARGIN_M - MARGIN_TOLERANCE_M - 1e-9
 
 
 def test_motions_go_from_start_to_goal_within_the_limits(program: MotionProgram) -> None:
@@ -262,29 +262,29 @@ def test_a_clear_way_is_left_as_it_is_and_asked_for_twice() -> None:
 def test_a_program_without_solution_is_given_up() -> None:
     script = Script(None)
     assert not script.found(AROUND_DISC)
-    assert len(script.trusts_rad) == MOST_FAILURES + 1
+    assert len(script.trusts_rad) == MAX_FAILURES + 1
 
 
 def test_after_a_failure_bounds_are_trusted_less() -> None:
     script = Script(None, STRAIGHT)
     script.found(BESIDE)
-    assert script.trusts_rad[:2] == [TRUST_RAD, LESS_TRUST * TRUST_RAD]
+    assert script.trusts_rad[:2] == [TRUST_RAD, TRUST_DECAY * TRUST_RAD]
 
 
 def test_motions_that_stay_in_collision_are_given_up() -> None:
     script = Script(STRAIGHT)
     assert not script.found(AROUND_DISC)
-    assert len(script.trusts_rad) == BY_ROUND
+    assert len(script.trusts_rad) == MAX_ROUNDS_TO_CLEAR
 
 
 def test_from_half_of_the_rounds_on_bounds_are_trusted_less_and_less() -> None:
     """Durations that keep changing end after all rounds."""
     slower = [
         plan_joint_move(LEFT, RIGHT, LIMITS.scaled(share))
-        for share in np.linspace(0.2, 1.0, ROUNDS)
+        for share in np.linspace(0.2, 1.0, MAX_ROUNDS)
     ]
     script = Script(*slower)
-    assert len(script.found(BESIDE)) == ROUNDS
-    assert script.trusts_rad[: ROUNDS // 2] == [TRUST_RAD] * (ROUNDS // 2)
-    later = script.trusts_rad[ROUNDS // 2 + 1 :]
+    assert len(script.found(BESIDE)) == MAX_ROUNDS
+    assert script.trusts_rad[: MAX_ROUNDS // 2] == [TRUST_RAD] * (MAX_ROUNDS // 2)
+    later = script.trusts_rad[MAX_ROUNDS // 2 + 1 :]
     assert all(after < before for before, after in pairwise(later))
