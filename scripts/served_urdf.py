@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.description import StockFiles
 
-MOST_APART_M, MOST_TURNED_RAD = 0.005, 0.010
+MAX_APART_M, MAX_TURNED_RAD = 0.005, 0.010
 """What calibration moves and turns a joint by at most, if not told otherwise."""
 
 JOINTS = (
@@ -69,8 +69,8 @@ _LONG_NAMES = ("hand", "hand_camera", "hand_camera_axis", "hand_range", "hand_ac
 def served_urdf(
     rng: np.random.Generator | None = None,
     *,
-    apart_m: float = MOST_APART_M,
-    turned_rad: float = MOST_TURNED_RAD,
+    apart_m: float = MAX_APART_M,
+    turned_rad: float = MAX_TURNED_RAD,
     joints: Iterable[str] = JOINTS,
     without_grippers: Iterable[str] = (),
     limit_change: float = 0.0,

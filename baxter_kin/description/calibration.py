@@ -7,8 +7,8 @@ Rethink gave them, of which example-robot-data changed some (`left_hand` is `lef
 knows, and adds frames that the text leaves out where the drawings have them.
 
 The numbers of the text stay as they are. The comparison here, by matrices of its own, decides
-only whether the robot is a Baxter at all: then each of its joints lies within `MOST_APART_M` and
-`MOST_TURNED_RAD` of where the drawings put it on the joint before.
+only whether the robot is a Baxter at all: then each of its joints lies within `MAX_APART_M` and
+`MAX_TURNED_RAD` of where the drawings put it on the joint before.
 
 There are two exceptions, both without an effect on the arms; `remarks` names them:
 
@@ -28,8 +28,15 @@ from itertools import chain, count
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.description.urdf import X_AXIS, JointKind, Triple, Urdf, UrdfJoint, below
-from baxter_kin.description.urdf_reading import WITHOUT_MOTOR
+from baxter_kin.description.urdf import (
+    WITHOUT_MOTOR,
+    X_AXIS,
+    JointKind,
+    Triple,
+    Urdf,
+    UrdfJoint,
+    below,
+)
 from baxter_kin.errors import DescriptionError
 
 ROOT = "base"
@@ -39,10 +46,10 @@ UNIVERSE = "universe"
 
 SIDES = ("left", "right")
 
-MOST_APART_M = 0.030
+MAX_APART_M = 0.030
 """Calibration moves a joint by some millimetres; an arm of another length differs by more."""
 
-MOST_TURNED_RAD = 0.060
+MAX_TURNED_RAD = 0.060
 """Likewise; about 3.4 degrees."""
 
 MAX_HEAD_APART_M, MAX_HEAD_TURNED_RAD = 0.100, 0.300
@@ -54,7 +61,7 @@ HEAD_SPHERES = ("collision_head_link_1", "collision_head_link_2")
 """Spheres that keep MoveIt's arms away from the head. They are no parts of the robot, and files
 differ in where they are."""
 
-LONGEST_KEPT = 85
+MAX_KEPT_LENGTH = 85
 """Characters of a name that are kept where it gets an ending, so that it can be read again."""
 
 _LINK = "_link"
@@ -148,7 +155,7 @@ def with_unique_names(tree: Urdf) -> Urdf:
         name = joint.name
         if name in links.values() or name == UNIVERSE:
             others = taken | tree.by_name.keys()
-            name = _unused((f"{name[:LONGEST_KEPT]}_joint",), others)
+            name = _unused((f"{name[:MAX_KEPT_LENGTH]}_joint",), others)
             taken.add(name)
         parent, child = links[joint.parent], links[joint.child]
         joints.append(replace(joint, name=name, parent=parent, child=child))
@@ -268,7 +275,7 @@ def _named(given: Urdf, expected: Urdf, without: tuple[str, ...]) -> Urdf:
         if stock is not None:
             name = stock.name
         else:
-            name = _unused((joint.name, f"{joint.name[:LONGEST_KEPT]}_joint"), taken)
+            name = _unused((joint.name, f"{joint.name[:MAX_KEPT_LENGTH]}_joint"), taken)
             taken.add(name)
         parent, child = names[joint.parent], names[joint.child]
         joints.append(replace(joint, name=name, parent=parent, child=child))
@@ -321,7 +328,7 @@ def _with_known_head(tree: Urdf, expected: Urdf) -> Urdf:
         return tree
     off = [_off(tree, expected, joint) for joint in on_head]
     apart_m, turned_rad = (max(values) for values in zip(*off, strict=True))
-    if apart_m <= MOST_APART_M and turned_rad <= MOST_TURNED_RAD:
+    if apart_m <= MAX_APART_M and turned_rad <= MAX_TURNED_RAD:
         return tree
     if apart_m > MAX_HEAD_APART_M or turned_rad > MAX_HEAD_TURNED_RAD:
         return tree
@@ -373,10 +380,10 @@ def _check_places(tree: Urdf, expected: Urdf) -> None:
 
 def _check_place(joint: UrdfJoint, T_own: pin.SE3, T_stock: pin.SE3) -> None:
     apart_m = float(np.linalg.norm(T_own.translation - T_stock.translation))
-    if apart_m > MOST_APART_M:
+    if apart_m > MAX_APART_M:
         raise DescriptionError(
             f"its joint {joint.name} lies {1e3 * apart_m:.1f} mm from where Baxter's is; "
-            f"{_why_not(joint, f'moves it by {1e3 * MOST_APART_M:g} mm')}"
+            f"{_why_not(joint, f'moves it by {1e3 * MAX_APART_M:g} mm')}"
         )
     _check_turn(
         joint, "frame", float(np.linalg.norm(pin.log3(T_own.rotation.T @ T_stock.rotation)))
@@ -384,10 +391,10 @@ def _check_place(joint: UrdfJoint, T_own: pin.SE3, T_stock: pin.SE3) -> None:
 
 
 def _check_turn(joint: UrdfJoint, what: str, turned_rad: float) -> None:
-    if turned_rad > MOST_TURNED_RAD:
+    if turned_rad > MAX_TURNED_RAD:
         raise DescriptionError(
             f"the {what} of its joint {joint.name} is turned {1e3 * turned_rad:.0f} mrad from "
-            f"Baxter's; {_why_not(joint, f'turns it by {1e3 * MOST_TURNED_RAD:g} mrad')}"
+            f"Baxter's; {_why_not(joint, f'turns it by {1e3 * MAX_TURNED_RAD:g} mrad')}"
         )
 
 

@@ -22,12 +22,18 @@ from baxter_kin.description.calibration import (
     remarks,
     with_unique_names,
 )
-from baxter_kin.description.hands import DEFAULT_RIGHT, HandMount, checked_hands
+from baxter_kin.description.hands import (
+    DEFAULT_RIGHT,
+    HandMount,
+    checked_hands,
+    drawn_like,
+    mounted,
+    with_known_meshes,
+    without,
+)
 from baxter_kin.description.identity import RobotIdentity
-from baxter_kin.description.mounting import drawn_like, mounted, with_known_meshes, without
-from baxter_kin.description.urdf import Urdf
-from baxter_kin.description.urdf_reading import read_urdf
-from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES, read_xml
+from baxter_kin.description.urdf import Urdf, read_urdf
+from baxter_kin.description.xml_text import MAX_TEXT_BYTES, read_xml
 from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import DescriptionError, FileError, quoted, shown_path
 from baxter_kin.files import open_to_read
@@ -213,7 +219,7 @@ def _read(urdf: UrdfSource) -> tuple[str | bytes, str]:
         )
     try:
         with open_to_read(urdf) as stream:
-            return stream.read(LARGEST_TEXT_BYTES + 1), shown_path(urdf)
+            return stream.read(MAX_TEXT_BYTES + 1), shown_path(urdf)
     except FileError as cause:
         raise DescriptionError(
             f"the URDF {shown_path(urdf)} cannot be read: {cause.reason}"

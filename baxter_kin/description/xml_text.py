@@ -14,13 +14,13 @@ from xml.parsers import expat
 
 from baxter_kin.errors import LONGEST_NAME, DescriptionError, quoted, shortened
 
-LARGEST_TEXT_BYTES = 4 * 2**20
+MAX_TEXT_BYTES = 4 * 2**20
 """The URDF of example-robot-data has 0.05 MB, of which most are shapes."""
 
-DEEPEST_NESTING = 50
+MAX_NESTING = 50
 """Elements inside of each other; a URDF with plugins of simulators has 8."""
 
-MOST_ELEMENTS = 100_000
+MAX_ELEMENTS = 100_000
 
 
 @dataclass(slots=True)
@@ -60,9 +60,9 @@ def read_xml(text: str | bytes) -> Element:
     content, encoding = (
         (text.encode("utf-8", "replace"), "utf-8") if isinstance(text, str) else (text, None)
     )
-    if len(content) > LARGEST_TEXT_BYTES:
+    if len(content) > MAX_TEXT_BYTES:
         raise DescriptionError(
-            f"it is larger than {LARGEST_TEXT_BYTES >> 20} MB, so it is no description of a robot"
+            f"it is larger than {MAX_TEXT_BYTES >> 20} MB, so it is no description of a robot"
         )
     content = _from_declaration(content)
     reader = _Reader()
@@ -100,10 +100,10 @@ class _Reader:
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         self._count += 1
-        if len(self._open) > DEEPEST_NESTING or self._count > MOST_ELEMENTS:
+        if len(self._open) > MAX_NESTING or self._count > MAX_ELEMENTS:
             raise DescriptionError(
                 f"its element {quoted(name, LONGEST_NAME)} is nested too deeply or one of "
-                f"too many; read are {DEEPEST_NESTING} inside of each other, {MOST_ELEMENTS} in all"
+                f"too many; read are {MAX_NESTING} inside of each other, {MAX_ELEMENTS} in all"
             )
         element = Element(name, attributes)
         self._open[-1].children.append(element)

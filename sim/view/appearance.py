@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription
-from baxter_kin.description.mounting import is_finger, is_tool
+from baxter_kin.description.hands import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
 from baxter_kin.fields import evolve
 from baxter_kin.value_objects import FrozenMapping

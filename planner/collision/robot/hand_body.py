@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
-from baxter_kin.description.mounting import is_finger, is_tool
+from baxter_kin.description.hands import is_finger, is_tool
 from baxter_kin.description.urdf import ShapeKind, UrdfJoint, UrdfShape
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import FrozenMapping

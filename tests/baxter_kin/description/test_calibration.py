@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from baxter_kin.description import ElectricGripper
 from baxter_kin.description.calibration import (
-    MOST_APART_M,
-    MOST_TURNED_RAD,
+    MAX_APART_M,
+    MAX_TURNED_RAD,
     as_baxter,
     finger_joints,
     hand_links,
@@ -269,7 +269,7 @@ def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
 
 def test_bounds_are_wide_of_what_calibration_does() -> None:
     for seed in range(5):
-        text = served(seed, apart_m=0.7 * MOST_APART_M, turned_rad=0.45 * MOST_TURNED_RAD)
+        text = served(seed, apart_m=0.7 * MAX_APART_M, turned_rad=0.45 * MAX_TURNED_RAD)
         assert Baxter.load(text).arm("left").limits.names[0] == "left_s0"
 
 

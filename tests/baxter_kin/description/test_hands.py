@@ -6,13 +6,16 @@ import re
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper, Tool
+from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import hand_of
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
 from baxter_kin.errors import ConfigurationError, DescriptionError, PoseError
 from tests.conftest import at
+from tests.served_urdf import served_urdf
 
 MOUNTS = [
     ElectricGripper(fingers, slot, tips)
@@ -113,3 +116,98 @@ def test_a_tool_is_checked() -> None:
         assert again.shapes == tool.shapes
         assert again.T_hand_tip == tool.T_hand_tip
     assert len(repr(tool)) <= 120
+
+
+# Mounting
+
+STOCK_TEXT = StockFiles.installed().urdf.read_text(encoding="utf-8")
+
+
+def both(hand: ElectricGripper) -> dict[str, ElectricGripper]:
+    return {"left": hand, "right": hand}
+
+
+RETHINKS = {"narrow": 0.01725, "wide": 0.05503}
+"""`finger_width` of the fingers' xacro."""
+
+
+def place(robot: Baxter, link: str, seen_from: str) -> pin.SE3:
+    """By Pinocchio's reading of the text, all joints at zero."""
+    model = pin.buildModelFromXML(robot.description.text)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    T, T_link = (data.oMf[model.getFrameId(name, pin.FrameType.BODY)] for name in (seen_from, link))
+    return T.actInv(T_link)
+
+
+@pytest.mark.parametrize("mount", MOUNTS, ids=str)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_fingers_are_where_rethinks_xacro_puts_them(mount: ElectricGripper, side: str) -> None:
+    robot = Baxter.load(hands={side: mount})
+    slot_m = (mount.slot - 1) * 0.0095 - 0.011
+    for finger, sign in (("l", 1.0), ("r", -1.0)):
+        link = f"{side[0]}_gripper_{finger}_finger"
+        base = place(robot, link, f"{side}_hand_link").translation
+        np.testing.assert_allclose(base, [0.0, sign * slot_m, 0.025 + 0.02], atol=1e-12)
+        tip = place(robot, f"{link}_tip", link).translation
+        np.testing.assert_allclose(tip, [0.0, sign * RETHINKS[mount.fingers], 0.1127], atol=1e-12)
+    tip = place(robot, f"{side}_gripper", f"{side}_hand_link").translation
+    np.testing.assert_allclose(tip, [0.0, 0.0, 0.025 + 0.1327], atol=1e-12)
+
+
+def test_a_robots_own_hands_stay_where_no_other_are_named() -> None:
+    other = STOCK_TEXT.replace("paddle_tip.DAE", "half_round_tip.DAE")
+    half_round = ElectricGripper(tips="half_round")
+    assert Baxter.load(other).digest == Baxter.load(hands=both(half_round)).digest
+    mixed = Baxter.load(other, hands={"right": ElectricGripper(slot=4)})
+    assert mixed.digest == Baxter.load(hands={"left": half_round, "right": MOUNTS[4]}).digest
+
+
+def test_wide_fingers_of_a_robots_own_text_are_known_by_their_mesh() -> None:
+    wide = STOCK_TEXT.replace("extended_narrow.DAE", "extended_wide.DAE")
+    wide = wide.replace("0.01725 0.1127", "0.05503 0.1127")
+    assert "paddle" in wide
+    expected = {"left": ElectricGripper("wide"), "right": ElectricGripper("wide", 2, "half_round")}
+    assert Baxter.load(wide).digest == Baxter.load(hands=expected).digest
+
+
+def test_a_gripper_can_be_mounted_on_a_bare_flange_and_taken_off(robot: Baxter) -> None:
+    bare = served_urdf(without_grippers=["left", "right"])
+    assert Baxter.load(bare, hands=both(ElectricGripper())).digest == robot.digest
+    assert Baxter.load(hands={"left": None, "right": None}).digest == Baxter.load(bare).digest
+
+
+def test_a_calibrated_robot_keeps_its_joints_under_another_hand() -> None:
+    text = served_urdf(np.random.default_rng(5))
+    own, other = Baxter.load(text), Baxter.load(text, hands={"left": ElectricGripper(slot=3)})
+    same, differs = own.description.identity, other.description.identity
+    assert same.kinematics == differs.kinematics
+    assert same.limits == differs.limits
+    assert same.hands != differs.hands
+
+
+def test_the_tip_of_a_tool_is_the_arms_tip() -> None:
+    T_hand_tip = pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.2, 0.1), np.array([0.01, 0.02, 0.3]))
+    robot = Baxter.load(hands={"left": Tool((BALL,), T_hand_tip)})
+    arm = robot.arm("left")
+    hand = arm.with_tip("left_hand")
+    q = arm.start
+    found = hand.T_base_tip(q).actInv(arm.T_base_tip(q))
+    assert np.abs(found.homogeneous - T_hand_tip.homogeneous).max() < 1e-12
+    assert robot.joint_names == Baxter.load(hands={"left": None}).joint_names
+
+
+def test_a_mesh_that_is_not_known_is_refused_unless_another_hand_is_named() -> None:
+    text = STOCK_TEXT.replace("paddle_tip.DAE", "basic_hard_tip.DAE")
+    with pytest.raises(DescriptionError, match="the mesh basic_hard_tip; known are paddle_tip"):
+        Baxter.load(text)
+    assert Baxter.load(text, hands={"left": ElectricGripper()}).joint_names
+
+
+def test_a_tools_link_in_a_text_must_be_one_simple_shape() -> None:
+    text = Baxter.load(hands={"left": Tool((BALL,), at(0, 0, 0.1))}).description.text
+    for radius, words in (("0.0", "above zero"), ("x", "finite number"), ("1 2", "needed: 1")):
+        with pytest.raises(DescriptionError, match=words):
+            Baxter.load(text.replace('sphere radius="0.02"', f'sphere radius="{radius}"'))
+    with pytest.raises(DescriptionError, match="not one box, cylinder or sphere"):
+        Baxter.load(text.replace('<sphere radius="0.02"/>', '<mesh filename="a/b.stl"/>'))

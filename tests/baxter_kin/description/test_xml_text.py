@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin.description.xml_text import (
-    DEEPEST_NESTING,
-    LARGEST_TEXT_BYTES,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
+    MAX_NESTING,
+    MAX_TEXT_BYTES,
     Element,
     read_xml,
 )
@@ -68,12 +68,12 @@ def test_an_entity_that_nobody_declared_is_refused() -> None:
 
 def test_size_nesting_and_number_are_bounded() -> None:
     with pytest.raises(DescriptionError, match="larger than 4 MB"):
-        read_xml(b"<a>" + LARGEST_TEXT_BYTES * b" " + b"</a>")
+        read_xml(b"<a>" + MAX_TEXT_BYTES * b" " + b"</a>")
     with pytest.raises(DescriptionError, match="nested too deeply"):
-        read_xml("<a>" * (DEEPEST_NESTING + 1))
+        read_xml("<a>" * (MAX_NESTING + 1))
     with pytest.raises(DescriptionError, match="too many"):
-        read_xml("<a>" + (MOST_ELEMENTS + 1) * "<b/>")
-    deepest = "<a>" * DEEPEST_NESTING + "</a>" * DEEPEST_NESTING
+        read_xml("<a>" + (MAX_ELEMENTS + 1) * "<b/>")
+    deepest = "<a>" * MAX_NESTING + "</a>" * MAX_NESTING
     assert read_xml(deepest).name == "a"
 
 
