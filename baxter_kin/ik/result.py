@@ -1,4 +1,4 @@
-"""What the IK service answers."""
+"""Results of the IK service."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class IKFailure(_Pending, OneLine):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class IKResult(Frozen, OneLine):
-    """The answer to one pose.
+    """The result for one pose.
 
     When `is_valid` is false, `q` and the errors are those of the best attempt; it never reached the
     pose and must not be sent to a robot.

@@ -35,21 +35,21 @@ SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""
 
 BLOCK = 4096
-"""How many poses of a large batch are worked on together."""
+"""Number of poses of a large batch that are solved together."""
 
 MAX_POSES = 10_000_000
-"""Of a batch, whose results are all kept: some gigabytes. A stream may have any number."""
+"""Maximum size of a batch, whose results are all kept in memory; a stream has no limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requests:
-    """Poses with all that goes with them, as they were given."""
+    """Poses, seeds and mode of one request, before they are checked."""
 
     poses: list[Any]
     seeds: list[Any] | None
     current: SeedLike | None
     mode: SeedMode
-    first: int = 0  # the number of the first one, for error messages
+    first: int = 0  # index of the first pose, for error messages
 
     def blocks(self) -> Iterator[Requests]:
         """The same, `BLOCK` at a time."""
@@ -203,7 +203,7 @@ class IKService(OneLine):
     def _first(
         self, solver: Solver, T_base_tip: PoseLike, seed: Any, current: Any, mode: SeedMode
     ) -> IKResult:
-        """The first solution that is found, or why there is none."""
+        """The first solution found, or the reason for failure."""
         result = None
         if mode is SeedMode.AUTO and isinstance(T_base_tip, pin.SE3):
             if current is None:

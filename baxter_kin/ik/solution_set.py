@@ -25,7 +25,7 @@ from baxter_kin.ik.service import IKService
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, whole_scalar
 
-MOST_CANDIDATES = 2_000
+MAX_CANDIDATES = 2_000
 """How many candidates may come, and so how many starts: a second or two of work."""
 
 
@@ -55,7 +55,7 @@ def distinct_solutions(
         ConfigurationError: when a candidate has another shape, is not finite, is outside the limits
             or misses the pose by more than `POSE_MISMATCH`; by index.
         RequestError: when the step is not allowed, candidates are no iterable or more than
-            `MOST_CANDIDATES`, or `arm` is no arm.
+            `MAX_CANDIDATES`, or `arm` is no arm.
         PoseError: when `T_base_tip` is no pose.
     """
     expect(arm, Arm, "arm", RequestError)
@@ -93,12 +93,12 @@ def solutions(
         step_rad: longest step along the curves.
 
     Raises:
-        RequestError: when `starts` is not a whole number from 1 to `MOST_CANDIDATES`, the step is
+        RequestError: when `starts` is not a whole number from 1 to `MAX_CANDIDATES`, the step is
             not allowed, or `ik` or `rng` is of another class.
         PoseError: when `T_base_tip` is no pose.
     """
     step_rad = checked_step(step_rad)
-    count = whole_scalar(starts, "starts", RequestError, least=1, most=MOST_CANDIDATES)
+    count = whole_scalar(starts, "starts", RequestError, least=1, most=MAX_CANDIDATES)
     expect(ik, IKService, "ik", RequestError)
     pose = checked_pose(T_base_tip)
     generator = np.random.default_rng(0) if rng is None else rng
@@ -110,9 +110,9 @@ def _listed(candidates: Iterable[ArrayLike]) -> list[ArrayLike]:
     """All candidates, unless they are too many or never end."""
     if not isinstance(candidates, Iterable):
         raise RequestError(f"candidates must be an iterable, got {type(candidates).__name__}")
-    given = list(islice(candidates, MOST_CANDIDATES + 1))
-    if len(given) > MOST_CANDIDATES:
-        raise RequestError(f"at most {MOST_CANDIDATES} candidates may come, got more")
+    given = list(islice(candidates, MAX_CANDIDATES + 1))
+    if len(given) > MAX_CANDIDATES:
+        raise RequestError(f"at most {MAX_CANDIDATES} candidates may come, got more")
     return given
 
 
@@ -129,7 +129,7 @@ def _check_same_pose(solution_curve: SolutionCurve, candidates: list[FloatArray]
 SLACK_RAD = 0.05
 """How far outside the limits a nearly exact configuration may be to be worth a search."""
 
-MOST_TURNS = 10_000
+MAX_TURNS = 10_000
 """Angles of s0 that may be asked for: 0.4 mrad apart, and a tenth of a second."""
 
 DIGITS = 4
@@ -152,9 +152,9 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
 
     Raises:
         PoseError: when the pose is not a valid one.
-        RequestError: when `turns` is not a whole number from 1 to `MOST_TURNS`, or `ik` no service.
+        RequestError: when `turns` is not a whole number from 1 to `MAX_TURNS`, or `ik` no service.
     """
-    count = whole_scalar(turns, "turns", RequestError, least=1, most=MOST_TURNS)
+    count = whole_scalar(turns, "turns", RequestError, least=1, most=MAX_TURNS)
     expect(ik, IKService, "ik", RequestError)
     Ts, arm, limits = checked_pose(T_base_tip).homogeneous[None], ik.arm, ik.arm.limits
     closed_form = ClosedForm(arm.at_gripper, turns=count, rolls=1)

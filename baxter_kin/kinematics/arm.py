@@ -41,7 +41,7 @@ _LEFT_START = (
 )
 """The start pose of the original demo, which moves the left arm."""
 
-LONGEST_TOOL_NAME = 100
+MAX_TOOL_NAME_LENGTH = 100
 """Characters; the longest name of the robot's own frames has 29."""
 
 MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
@@ -271,10 +271,10 @@ def _frames_of_hand(robot_model: pin.Model, wrist_joint: str) -> tuple[str, ...]
 
 def _with_tool(arm: Arm, T_gripper_tip: pin.SE3, name: str) -> pin.Model:
     """The arm's model with one more frame."""
-    is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_TOOL_NAME
+    is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= MAX_TOOL_NAME_LENGTH
     if not is_name or arm.model.existFrame(name):
         raise ConfigurationError(
-            f"a tool needs a name of 1 to {LONGEST_TOOL_NAME} printable characters that no other "
+            f"a tool needs a name of 1 to {MAX_TOOL_NAME_LENGTH} printable characters that no other "
             f"frame has, not {quoted(name)}"
         )
     model = pin.Model(arm.model)

@@ -27,7 +27,7 @@ from baxter_kin.errors import DescriptionError, RequestError, expect
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
 
-LEAST_TWIST_SINE = 0.5
+MIN_TWIST_SINE = 0.5
 """Neighbouring axes nearer to parallel than 30 degrees are no Baxter's."""
 
 
@@ -65,7 +65,7 @@ class DHParameters:
         normals = np.cross(z[:-1], z[1:])
         sines = np.linalg.norm(normals, axis=1)
         for name, sine in zip(arm.joint_names[1:], sines, strict=True):
-            if not sine >= LEAST_TWIST_SINE:
+            if not sine >= MIN_TWIST_SINE:
                 raise DescriptionError(
                     f"the axis of {name} is {math.degrees(math.asin(sine)):.0f} degrees from "
                     "parallel to the one before it; on Baxter's arms they are at right angles"

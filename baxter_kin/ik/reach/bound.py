@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import PoseError
 from baxter_kin.ik.reach.linkage import FAR_M, Linkage
-from baxter_kin.ik.reach.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
+from baxter_kin.ik.reach.pose_sweep import MAX_SURVIVORS, MAX_SURVIVORS_IF_THOROUGH, PoseSweep
 from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M, Flags, ShoulderSweep
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import JOINTS, Arm
@@ -379,7 +379,10 @@ class ReachBound:
         """
         if not self._is_fixed or self._is_roll_free:
             return _nowhere(Ts)
-        radius_m, most = float(RADII_M[0]), MANY_SURVIVORS if is_thorough else MOST_SURVIVORS
+        radius_m, most = (
+            float(RADII_M[0]),
+            MAX_SURVIVORS_IF_THOROUGH if is_thorough else MAX_SURVIVORS,
+        )
         excluded = [
             self._pose_sweep.excludes(T, radius_m, most, any_roll=any_roll)
             for T in self._targets(Ts)
@@ -441,7 +444,7 @@ class ReachBound:
         self, target: FloatArray, wrist: FloatArray, is_thorough: bool
     ) -> ReachProof | None:
         radius_m, *wider = RADII_M.tolist()
-        most_cells = MANY_SURVIVORS if is_thorough else MOST_SURVIVORS
+        most_cells = MAX_SURVIVORS_IF_THOROUGH if is_thorough else MAX_SURVIVORS
         if not self._pose_sweep.excludes(target, radius_m, most_cells):
             return None
         for wider_m in wider:

@@ -105,20 +105,20 @@ class PoseCells(NamedTuple):
         )
 
 
-LEVELS, MOST_SURVIVORS = 8, 1000
+LEVELS, MAX_SURVIVORS = 8, 1000
 """Cells are split seven times, down to 8 urad, unless more than 1,000 of them remain."""
 
-MANY_SURVIVORS = 20_000
+MAX_SURVIVORS_IF_THOROUGH = 20_000
 """So many prove six of eight poses 1 to 3 mm out of reach that 1,000 do not, in up to half a
 second."""
 
 PASSES = 2
-"""How often a cell is evaluated again with the deviation near its angles; one more proved nothing
-more of an arm that is off by 0.5 mm and 1 mrad at every joint."""
+"""Number of times that a cell is evaluated again with the deviation near its angles. One more proved
+nothing more for an arm that is off by 0.5 mm and 1 mrad at every joint."""
 
 HOPELESS = 5
 """Nor are they where so many times more remain than may, as hardly ever would few enough be left,
-or more than `MANY_SURVIVORS`: those would take 200 MB."""
+or more than `MAX_SURVIVORS_IF_THOROUGH`: those would take 200 MB."""
 
 
 class PoseSweep:
@@ -136,7 +136,7 @@ class PoseSweep:
         self,
         target: FloatArray,
         radius_m: float,
-        most_survivors: int = MOST_SURVIVORS,
+        most_survivors: int = MAX_SURVIVORS,
         *,
         any_roll: bool = False,
     ) -> bool:
@@ -163,7 +163,7 @@ class PoseSweep:
         """The cells that may hold a solution."""
         cells, angles = self._fitting(target, radius_m, cells, any_roll)
         for _ in range(self._passes):
-            if not 0 < cells.s0.size <= min(HOPELESS * most, MANY_SURVIVORS):
+            if not 0 < cells.s0.size <= min(HOPELESS * most, MAX_SURVIVORS_IF_THOROUGH):
                 break
             near = self._deviation.near(*self._boxes(cells, angles))
             cells = cells._replace(apart=cells.apart.or_nearer(near))

@@ -103,7 +103,7 @@ they hold besides."""
 BLOCK = 128
 """Targets worked on together: their cells stay in the processor's cache."""
 
-FIRST_CELLS, SPLIT, MOST_SURVIVORS = 24, 6, 96
+FIRST_CELLS, SPLIT, MAX_SURVIVORS = 24, 6, 96
 """The s0 range starts as 24 cells; survivors are split in six, unless more than 96 of them remain.
 Finer ones proved no further pose of 1,200 just out of reach."""
 
@@ -196,7 +196,7 @@ class ShoulderSweep:
             shoulder, wrist = self._survivors(cells)
             needs_wrist[index[shoulder & ~wrist]] = True
             index, s0 = index[wrist], s0[wrist]
-            is_proven &= np.bincount(index, minlength=count) <= MOST_SURVIVORS
+            is_proven &= np.bincount(index, minlength=count) <= MAX_SURVIVORS
             is_open = is_proven[index]
             index, s0 = index[is_open], s0[is_open]
             if index.size == 0:

@@ -13,7 +13,7 @@ from baxter_kin.frames import angle_between
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.self_motion.objectives import NearestTo, best_on
 from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
-from baxter_kin.ik.solution_set import MOST_CANDIDATES, MOST_TURNS, distinct_solutions, solutions
+from baxter_kin.ik.solution_set import MAX_CANDIDATES, MAX_TURNS, distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
 from tests.conftest import at, overhead
 
@@ -189,9 +189,9 @@ def test_malformed_pose_is_refused(ik: IKService) -> None:
         solutions(ik, np.eye(3))
 
 
-@pytest.mark.parametrize("starts", [MOST_CANDIDATES + 1, 10**12, 10**400])
+@pytest.mark.parametrize("starts", [MAX_CANDIDATES + 1, 10**12, 10**400])
 def test_starts_have_a_greatest_value(ik: IKService, starts: int) -> None:
-    with pytest.raises(RequestError, match=f"from 1 to {MOST_CANDIDATES}, got"):
+    with pytest.raises(RequestError, match=f"from 1 to {MAX_CANDIDATES}, got"):
         solutions(ik, BLOCK, starts=starts)
 
 
@@ -209,7 +209,7 @@ def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
 
 
 def test_endless_candidates_are_refused(left: Arm) -> None:
-    with pytest.raises(RequestError, match=f"at most {MOST_CANDIDATES} candidates may come"):
+    with pytest.raises(RequestError, match=f"at most {MAX_CANDIDATES} candidates may come"):
         distinct_solutions(left, itertools.repeat(left.neutral))
 
 
@@ -244,11 +244,9 @@ def test_another_tip_has_the_samples_of_its_own(left: Arm) -> None:
         assert np.linalg.norm(tipped.T_base_tip(q).translation - T.translation) <= TOLERANCE
 
 
-@pytest.mark.parametrize(
-    "turns", [0.5, 48.0, "48", None, True, -1, MOST_TURNS + 1, 10**12], ids=str
-)
+@pytest.mark.parametrize("turns", [0.5, 48.0, "48", None, True, -1, MAX_TURNS + 1, 10**12], ids=str)
 def test_turns_are_a_whole_number_with_a_greatest_value(ik: IKService, turns: Any) -> None:
-    with pytest.raises(RequestError, match=f"turns must be a whole number from 1 to {MOST_TURNS}"):
+    with pytest.raises(RequestError, match=f"turns must be a whole number from 1 to {MAX_TURNS}"):
         sample_solutions(ik, at(0.7, 0.2, 0.1), turns=turns)
 
 

@@ -7,7 +7,7 @@ import pytest
 from baxter_kin import Arm, Baxter
 from baxter_kin.ik.reach import pose_sweep
 from baxter_kin.ik.reach.linkage import Linkage
-from baxter_kin.ik.reach.pose_sweep import LEVELS, MOST_SURVIVORS, PoseCells, PoseSweep
+from baxter_kin.ik.reach.pose_sweep import LEVELS, MAX_SURVIVORS, PoseCells, PoseSweep
 from baxter_kin.ik.reach.shoulder_sweep import ShoulderSweep
 from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.reach.test_shoulder_sweep import pushed, reached
@@ -97,7 +97,7 @@ def test_the_cell_of_a_configuration_survives_however_small(
             for _ in range(LEVELS):
                 is_near = np.abs(cells.s0 - s0) <= cells.half[0] + 1e-9  # rounding
                 cells = cells.part(is_near & (np.abs(cells.w0 - w0) <= cells.half[1] + 1e-9))
-                cells = sweep._survivors(target, 0.0, cells, False, MOST_SURVIVORS)
+                cells = sweep._survivors(target, 0.0, cells, False, MAX_SURVIVORS)
                 assert cells.s0.size
                 cells = cells.split()
             nearer += cells.apart.slack[1].min() < 0.1 * linkage.deviation.axis
