@@ -39,7 +39,7 @@ from planner.collision.context import CollisionContext
 from planner.collision.distances import ACCURACY_M, RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
-from planner.grasping.overhead import LEAST_ROOM_M
+from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
 from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure
@@ -54,7 +54,7 @@ from planner.scene.contact import (
 )
 from planner.scene.support import MAX_TILT_RAD, UP, Landing, come_down, land
 
-LONGEST_DROP_M = 0.01
+MAX_DROP_M = 0.01
 """From how high above its support a body may be let go."""
 
 OPENING_STEP_M = 1e-4
@@ -238,7 +238,7 @@ class PhaseMaker:
             found = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
             return next(filter(None, found), None)
 
-        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
+        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + MIN_FINGER_CLEARANCE_M
         whole = travels(widest_m)
         if contact(whole) is None:
             return widest_m, whole, ()
@@ -291,9 +291,9 @@ class PhaseMaker:
         landing = come_down(let_go, list(self.request.scene.without(self.task.body)))
         on, way = " and ".join(landing.supports), landing.beside
         reason = None
-        if landing.drop_m > LONGEST_DROP_M:
+        if landing.drop_m > MAX_DROP_M:
             reason = (
-                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
+                f"{body.name} would fall: nothing is within {1e3 * MAX_DROP_M:.0f} mm below "
                 f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
             )
         elif landing.slope_rad > 0.0:

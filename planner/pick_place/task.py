@@ -27,7 +27,7 @@ from planner.manipulator import Manipulator
 from planner.motion.joint_move import checked_start
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.attachment import Attachment
-from planner.scene.bodies import FARTHEST_M, Scene
+from planner.scene.bodies import MAX_DISTANCE_M, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 
@@ -50,15 +50,15 @@ DEFAULT_CLEAR_M = 0.05
 
 
 def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
-    """How far the tip is to rise, if that can be: above zero, and not beyond `FARTHEST_M`.
+    """How far the tip is to rise, if that can be: above zero, and not beyond `MAX_DISTANCE_M`.
 
     Raises:
         BaxterError: of class `error`, when it is not.
     """
     height_m = positive_scalar(value, what, error)
-    if height_m > FARTHEST_M:
+    if height_m > MAX_DISTANCE_M:
         hint = millimetres_hint(height_m)
-        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
+        raise error(f"{what} must be at most {MAX_DISTANCE_M:g} m, got {height_m:g}{hint}")
     return height_m
 
 
@@ -76,7 +76,7 @@ class PickAndPlace:
 
     Raises:
         TaskError: when `body` is no name, or a height is not a number above zero, or beyond
-            `FARTHEST_M`.
+            `MAX_DISTANCE_M`.
         PoseError: when a pose is not a valid one.
     """
 

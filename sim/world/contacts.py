@@ -23,7 +23,7 @@ from baxter_kin.value_objects import millimetres, phrase, seconds
 from planner import Body, Part, Plan, Scene, Trajectory
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
-from planner.pick_place.phases import LONGEST_DROP_M
+from planner.pick_place.phases import MAX_DROP_M
 from planner.scene.attachment import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from sim.errors import SimulationError
@@ -291,7 +291,7 @@ def is_as_planned(world: World, plan: Plan) -> bool:
 def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
     """Whether a body that is let go rests as a plan expects: level, on what is just below it."""
     stands = len(rest.legs) == 1 and rest.beside_m == 0.0
-    return stands and rest.fall_m <= LONGEST_DROP_M and not world.riders(name)
+    return stands and rest.fall_m <= MAX_DROP_M and not world.riders(name)
 
 
 def _is_held_alike(held: tuple[Attachment, ...], planned: tuple[Attachment, ...]) -> bool:

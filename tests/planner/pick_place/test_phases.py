@@ -26,7 +26,7 @@ from planner import (
 )
 from planner.grasping.finger_travel import closing_travel, travel_check
 from planner.pick_place.phases import (
-    LONGEST_DROP_M,
+    MAX_DROP_M,
     OPENING_STEP_M,
     PhaseMaker,
     Phases,
@@ -214,7 +214,7 @@ def test_the_fingers_open_as_far_as_is_free_and_no_farther(
 def test_a_body_may_be_let_go_a_little_above_its_support(
     manipulator: Manipulator, scene: Scene, share: float
 ) -> None:
-    task = PickAndPlace("block", PICK, raised(PLACE, share * LONGEST_DROP_M))
+    task = PickAndPlace("block", PICK, raised(PLACE, share * MAX_DROP_M))
     made(manipulator, scene, task).refuse_impossible()
 
 
