@@ -22,7 +22,7 @@ from baxter_kin.fields import evolve
 from planner.collision.context import CollisionContext
 from planner.collision.distances import RESOLUTION_M
 from planner.errors import TaskError
-from planner.grasping.finger_travel import FINGER_SPEED_M_S, NO_PUSH_M
+from planner.grasping.finger_travel import FINGER_SPEED_M_S, MIN_PUSH_M
 from planner.grasping.grasp import Grasp, Miss
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, Step
@@ -114,7 +114,7 @@ def of_grip(grip: Grip, state: State, end: State, manipulator: Manipulator) -> t
     contacts = Contact.of_hand(arm.side, grip.body, may_press=True)
     body, ended = state.scene[grip.body], end.scene[grip.body]
     pushed_m = float(np.linalg.norm(ended.centre_base - body.centre_base))
-    if grip.action is GripperAction.CLOSE and pushed_m > NO_PUSH_M:
+    if grip.action is GripperAction.CLOSE and pushed_m > MIN_PUSH_M:
         contacts += Contact.of_supports(body.name, part_contacts(body, state.scene))
     way_m = abs(end.joints[finger] - state.joints[finger])
     return during(contacts, way_m / FINGER_SPEED_M_S)

@@ -25,7 +25,7 @@ Nodes = np.ndarray[Any, np.dtype[np.intp]]
 LEAF = -1
 """In place of a child: there is none."""
 
-FEW_TRIANGLES = 8
+MAX_EXACT = 8
 """Nodes of more triangles of a mesh in a scene are replaced by the box around them."""
 
 MAX_TRIANGLES = 200_000
@@ -133,7 +133,7 @@ class Shape:
 def tree_of(corners: Array) -> Shape:
     """A tree of triangles, halved at the median of the longest extent of their middles.
 
-    A node of at most `FEW_TRIANGLES` has all their corners, a larger one those of the box around
+    A node of at most `MAX_EXACT` has all their corners, a larger one those of the box around
     them. Leaves are single triangles, so they are exact. Nodes are numbered level by level.
 
     Args:
@@ -144,7 +144,7 @@ def tree_of(corners: Array) -> Shape:
     points, counts, children, number = [], [], [], 0
     while len(sizes):
         node, starts = np.repeat(np.arange(len(sizes)), sizes), np.cumsum(sizes) - sizes
-        is_box = sizes > FEW_TRIANGLES
+        is_box = sizes > MAX_EXACT
         counts.append(np.where(is_box, 8, 3 * sizes))
         own = np.empty((counts[-1].sum(), 3))
         first = np.cumsum(counts[-1]) - counts[-1]

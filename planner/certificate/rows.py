@@ -36,7 +36,7 @@ MAX_TASKS = 50_000
 
 MAX_LEVELS = 100
 
-LEAST_LENGTH = 1e-6
+MIN_LENGTH = 1e-6
 """Shorter directions separate nothing."""
 
 MIDDLES_SCALE = 100.0
@@ -388,7 +388,7 @@ class Judge:
         found = np.minimum(*ends) - error - self.sag_m(tasks) * length
         shorter = length * (1.0 - 24.0 * UNIT)  # a gap below zero is divided by less
         divisor = np.where(found > 0.0, length, shorter)
-        is_long = length > LEAST_LENGTH
+        is_long = length > MIN_LENGTH
         return np.where(is_long, found / np.where(is_long, divisor, 1.0) - 1e-15, -np.inf)
 
     def sag_m(self, tasks: Tasks) -> Array:

@@ -68,7 +68,7 @@ A_MAX_RAD_S2, J_MAX_RAD_S3 = 2.0, 20.0
 """Rethink published no limits of acceleration and jerk; these are the presets of the toolkit,
 measured as what real arms follow (`baxter_kin.limits`). The caller may pass others."""
 
-SHORTEST_LINE_M = 1e-6
+MIN_LINE_M = 1e-6
 """On a shorter line, how far the hand has turned tells the share of the way."""
 
 LINE_CELLS = tuple(2**power for power in range(6, 15))
@@ -755,7 +755,7 @@ class Timeline:
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
         way = p[-1] - p[0]
         length_m = float(np.linalg.norm(way))
-        if length_m > SHORTEST_LINE_M:
+        if length_m > MIN_LINE_M:
             share = np.clip((p - p[0]) @ way / length_m**2, 0.0, 1.0)
         else:
             turns = (axis_angle(R[0].T @ each) for each in R)

@@ -25,7 +25,7 @@ from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene
 from planner.scene.contact import Contact, PartContact, boxed, has_depth, hull
 
-FARTHEST_JOINT = 1000.0
+MAX_JOINT = 1000.0
 """Joint values beyond this, rad or m, are refused; distances would lose digits."""
 
 
@@ -166,12 +166,12 @@ class ClearanceChecker(OneLine):
         """A full configuration, shape (19,), known to be one that distances can be measured in.
 
         Raises:
-            ConfigurationError: when it has another shape, is not finite or beyond `FARTHEST_JOINT`.
+            ConfigurationError: when it has another shape, is not finite or beyond `MAX_JOINT`.
         """
         full = finite_array(q, (self.robot.nq,), "q", ConfigurationError)
-        if np.abs(full).max() > FARTHEST_JOINT:
+        if np.abs(full).max() > MAX_JOINT:
             raise ConfigurationError(
-                f"a joint stands at {np.abs(full).max():g}; up to {FARTHEST_JOINT:g} is measured"
+                f"a joint stands at {np.abs(full).max():g}; up to {MAX_JOINT:g} is measured"
             )
         return full
 

@@ -43,7 +43,7 @@ FIRST_M, EASY, BOLDER = 0.02, 0.8, 1.1
 """What is asked for first where more would be of no use; of a distance that a pair had, the share
 that is asked for then; and by how much more each time that it was there."""
 
-MOST_CONTACTS = 32
+MAX_CONTACTS = 32
 """Triangles that are looked at to say how deep something is in a surface."""
 
 POINTS_SLACK_M = 1e-6
@@ -222,11 +222,11 @@ class Distances:
         for distance_m in self._of_pieces(first, second):
             return max(-distance_m, 0.0)
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        request.num_max_contacts = MOST_CONTACTS
+        request.num_max_contacts = MAX_CONTACTS
         request.enable_contact = True
         shapes, poses = self._shapes, (self._pose(first), self._pose(second))
         count = coal.collide(shapes[first], poses[0], shapes[second], poses[1], request, result)
-        depths = [-result.getContact(i).penetration_depth for i in range(min(count, MOST_CONTACTS))]
+        depths = [-result.getContact(i).penetration_depth for i in range(min(count, MAX_CONTACTS))]
         return max((depth for depth in depths if depth < -NO_DISTANCE_M), default=0.0)
 
     def _pose(self, shape: int) -> coal.Transform3s:

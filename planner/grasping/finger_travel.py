@@ -7,7 +7,7 @@ and rows of separation need no bound on what happens between their ends
 
 A closing hand goes two stretches. On the first the body stands between the fingers, as it is found.
 On the second one finger pushes it along, until the other meets it (`planner.grasping.grasp`). What
-a body does when it is let go a little above its support, at most `LONGEST_DROP_M` of fall, is not
+a body does when it is let go a little above its support, at most `MAX_DROP_M` of fall, is not
 part of the proof; that the fingers are clear of it before and after is.
 """
 
@@ -34,7 +34,7 @@ FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
 that no hand of this size reaches; Rethink gives no figure for the force-limited default."""
 
-NO_PUSH_M = 1e-9
+MIN_PUSH_M = 1e-9
 """A body pushed by less was not; both pads touch it at once."""
 
 
@@ -65,7 +65,7 @@ def closing_travel(
     """The stretches on which a hand that is so far open closes on a body, by its name."""
     touch_m = min(opening_m, grasp.finger_m + abs(grasp.push_m))  # may begin pressed in a little
     coming = FingerTravel(scene, opening_m, touch_m, name)
-    if abs(grasp.push_m) <= NO_PUSH_M:
+    if abs(grasp.push_m) <= MIN_PUSH_M:
         return (coming,)
     supports = part_contacts(scene[name], scene)
     return coming, FingerTravel(scene, touch_m, grasp.finger_m, name, grasp.push_m, supports)

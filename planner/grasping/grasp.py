@@ -28,7 +28,7 @@ from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from planner.scene.contact import travel_to_contact
 from planner.scene.mesh import Mesh, cuboid
 
-LEAST_PAD_M = 0.002
+MIN_PAD_M = 0.002
 """With less of a pad on a body it slips off. Chosen: nobody published one for these pads."""
 
 NEAR_EDGE_M = 0.010
@@ -137,7 +137,7 @@ class Overlap:
     @property
     def is_enough(self) -> bool:
         """Whether the pad holds."""
-        return self.least_m >= LEAST_PAD_M or self._is_whole
+        return self.least_m >= MIN_PAD_M or self._is_whole
 
     @property
     def is_near_edge(self) -> bool:
@@ -301,6 +301,6 @@ def slips(name: str, pad_m: float) -> Miss:
     """Of what has too little of a pad on it."""
     text = (
         f"only {1e3 * pad_m:.1f} mm of a finger pad on {name}; less than "
-        f"{1e3 * LEAST_PAD_M:.1f} mm slip off"
+        f"{1e3 * MIN_PAD_M:.1f} mm slip off"
     )
     return Miss(MissKind.EDGE, text, name, pad_m)

@@ -45,7 +45,7 @@ NO_FINGER_M = 0.5
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
 
-MOST_OFF_RAD = 1e-4
+MAX_OFF_RAD = 1e-4
 """How far off that axis a finger may slide: 2 um at the end of its stroke."""
 
 AS_NEAR_M = 1e-4
@@ -165,7 +165,7 @@ class Hand(Checked, OneLine, error=SceneError):
 
         The pad that touches first pushes the body along the closing axis until the other touches;
         the body keeps its orientation. A miss when they close without both touching it, when less
-        than `LEAST_PAD_M` of a pad is on it, or when it does not fit between them: it is too wide,
+        than `MIN_PAD_M` of a pad is on it, or when it does not fit between them: it is too wide,
         or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
 
         Raises:
@@ -286,10 +286,10 @@ def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
         joint = model.getJointId(name)
         along = model.jointPlacements[joint].rotation @ np.asarray(data.joints[joint].S).ravel()[:3]
         off = float(np.linalg.norm(np.cross(tip.rotation.T @ along, CLOSING_AXIS)))
-        if off > MOST_OFF_RAD:
+        if off > MAX_OFF_RAD:
             raise SceneError(
                 f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, which hands are "
-                f"modelled to close along; allowed are {1e3 * MOST_OFF_RAD:g} mrad"
+                f"modelled to close along; allowed are {1e3 * MAX_OFF_RAD:g} mrad"
             )
 
 

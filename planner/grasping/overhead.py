@@ -38,7 +38,7 @@ MESH_STEP_RAD = math.radians(1.0)
 ROUND_STEP_RAD = math.radians(15.0)
 """Between the yaws that are tried for something round."""
 
-LEAST_ROOM_M = 3e-4
+MIN_FINGER_CLEARANCE_M = 3e-4
 """Fingers that cannot open all the way leave at least so much room between pads and body; so much
 they keep from its neighbours as well."""
 
@@ -136,10 +136,10 @@ class _Candidate:
         found = self.closed(hand, body)
         if isinstance(found, Miss):
             return False
-        least_m = min(found.finger_m + abs(found.push_m) + LEAST_ROOM_M, hand.stroke_m)
+        least_m = min(found.finger_m + abs(found.push_m) + MIN_FINGER_CLEARANCE_M, hand.stroke_m)
         fingers = hand.fingers_at(self.T_base_tip, least_m)
         return not any(
-            nearer(finger, other, LEAST_ROOM_M) for finger in fingers for other in others
+            nearer(finger, other, MIN_FINGER_CLEARANCE_M) for finger in fingers for other in others
         )
 
 

@@ -22,7 +22,7 @@ from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import millimetres, position
 from planner.errors import MotionError, StraightMoveError
-from planner.scene.bodies import FARTHEST_M
+from planner.scene.bodies import MAX_DISTANCE_M
 from planner.trajectory import Trajectory
 
 MIN_LENGTH = 1e-9
@@ -63,7 +63,7 @@ class LineTolerance:
 
     def __attrs_post_init__(self) -> None:
         for name, given, low, high in (
-            ("position_m", self.position_m, MIN_TOLERANCE_M, FARTHEST_M),
+            ("position_m", self.position_m, MIN_TOLERANCE_M, MAX_DISTANCE_M),
             ("rotation_rad", self.rotation_rad, MIN_TOLERANCE_RAD, math.pi),
         ):
             if not low <= given < high:
@@ -83,9 +83,9 @@ def _orthonormal(pose: PoseLike) -> pin.SE3:
     """The pose with the nearest rotation matrix, as rounded digits may leave it inexact."""
     T = checked_pose(pose)
     farthest = float(np.abs(T.translation).max())
-    if farthest > FARTHEST_M:
+    if farthest > MAX_DISTANCE_M:
         raise MotionError(
-            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"a line leads to {farthest:g} m away; up to {MAX_DISTANCE_M:g} m can be measured"
             f"{millimetres_hint(farthest)}"
         )
     return pin.SE3(nearest_rotation(T.rotation), T.translation)
@@ -121,7 +121,7 @@ class StraightLine:
 
     Raises:
         PoseError: when a pose is invalid.
-        MotionError: when a pose is farther away than `FARTHEST_M`.
+        MotionError: when a pose is farther away than `MAX_DISTANCE_M`.
         StraightMoveError: when the rotation is half a turn.
     """
 

@@ -39,7 +39,7 @@ from planner.collision.context import CollisionContext
 from planner.collision.distances import ACCURACY_M, RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
-from planner.grasping.overhead import LEAST_ROOM_M
+from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
 from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure
@@ -234,7 +234,7 @@ class PhaseMaker:
             found = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
             return next(filter(None, found), None)
 
-        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
+        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + MIN_FINGER_CLEARANCE_M
         whole = travels(widest_m)
         if contact(whole) is None:
             return widest_m, whole, ()

@@ -197,7 +197,7 @@ def plan_retract(
 
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
-        TaskError: when the height is not a number above zero, or is beyond `FARTHEST_M`.
+        TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
         MotionError: when the margin is not a number, or negative, or a tolerance of another class.
     """
     manipulator, known, q_now, held = _begun(manipulator, scene, q_now, held, state)

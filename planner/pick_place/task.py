@@ -27,7 +27,7 @@ from planner.manipulator import Manipulator
 from planner.motion.joint_move import checked_start
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.attachment import Attachment
-from planner.scene.bodies import FARTHEST_M, Scene
+from planner.scene.bodies import MAX_DISTANCE_M, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 
@@ -50,11 +50,11 @@ DEFAULT_CLEAR_M = 0.05
 
 
 def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
-    """A height above zero, at most `FARTHEST_M`; raises `error` otherwise."""
+    """A height above zero, at most `MAX_DISTANCE_M`; raises `error` otherwise."""
     height_m = positive_scalar(value, what, error)
-    if height_m > FARTHEST_M:
+    if height_m > MAX_DISTANCE_M:
         hint = millimetres_hint(height_m)
-        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
+        raise error(f"{what} must be at most {MAX_DISTANCE_M:g} m, got {height_m:g}{hint}")
     return height_m
 
 
@@ -72,7 +72,7 @@ class PickAndPlace:
 
     Raises:
         TaskError: when `body` is not a name, or a height is not a number above zero, or above
-            `FARTHEST_M`.
+            `MAX_DISTANCE_M`.
         PoseError: when a pose is invalid.
     """
 

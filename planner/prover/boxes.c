@@ -9,7 +9,7 @@
    As in rows.c, nothing of it is trusted, and any number of threads may search. */
 
 enum { SEPARATED, BOX_CUT_FIRST, BOX_CUT_SECOND, BOX_CUT_TIME, BOX_CUT_JOINT };
-enum { JOINTS = 7, SPANS = JOINTS * (JOINTS + 1) / 2, CORNERS = 1 << JOINTS, MOST_BOXES = 60000, LOOKS = 9 };
+enum { JOINTS = 7, SPANS = JOINTS * (JOINTS + 1) / 2, CORNERS = 1 << JOINTS, MAX_BOXES = 60000, LOOKS = 9 };
 
 static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost so much of what the box does */
 static const double OF_MOTION = 0.7;   /* time is halved where motion is so much of the widest joint */
@@ -306,7 +306,7 @@ static int half_box(const Boxes *x, const BoxTask *task, int letter, int side, B
 static int box_levels(Boxes *x, BoxTask *tasks, BoxTask *next, uint8_t *letters, double *directions, int64_t room) {
     Result *r = x->s.result;
     int count = x->s.step.pairs;
-    if (count > MOST_BOXES) return TOO_MUCH;
+    if (count > MAX_BOXES) return TOO_MUCH;
     for (int i = 0; i < count; i++) {
         tasks[i] = (BoxTask){.pair = i, .last = x->tube.instants - 1, .a = {x->s.pairs[i].first, 0}, .b = {x->s.pairs[i].second, 0}};
         hull(&x->tube, 0, tasks[i].last, tasks[i].low, tasks[i].high);
@@ -325,7 +325,7 @@ static int box_levels(Boxes *x, BoxTask *tasks, BoxTask *next, uint8_t *letters,
                 r->proven = fmin(r->proven, conclusion);
                 continue;
             }
-            if (made + 2 > MOST_BOXES) return TOO_MUCH;
+            if (made + 2 > MAX_BOXES) return TOO_MUCH;
             for (int side = 0; side < 2; side++) made += half_box(x, &tasks[i], letter, side, &next[made]);
         }
         BoxTask *other = tasks;
@@ -341,7 +341,7 @@ static int box_levels(Boxes *x, BoxTask *tasks, BoxTask *next, uint8_t *letters,
 int find_box_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const Step *step, const Tube *tube,
                   uint8_t *letters, double *directions, int64_t room, uint8_t *is_open, double *place, Result *result) {
     Boxes *x = calloc(1, sizeof(Boxes));
-    BoxTask *tasks = malloc(2 * MOST_BOXES * sizeof(BoxTask));
+    BoxTask *tasks = malloc(2 * MAX_BOXES * sizeof(BoxTask));
     int code = TOO_MUCH;
     *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
     if (x && tasks) {
@@ -350,7 +350,7 @@ int find_box_rows(const Tree *trees, const Placed *placed, const Pair *pairs, co
         x->s.step.pieces = 0, x->s.step.duration = 1;
         number_spans(&x->s);
         x->tube = *tube, x->is_open = is_open, x->place = place;
-        code = box_levels(x, tasks, tasks + MOST_BOXES, letters, directions, room);
+        code = box_levels(x, tasks, tasks + MAX_BOXES, letters, directions, room);
     }
     free(x), free(tasks);
     return code;

@@ -30,10 +30,10 @@ from planner.certificate.motion import Polynomials
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.rows import Step, Trace
 
-MOST_LETTERS = 1 << 19
+MAX_LETTERS = 1 << 19
 """Of one step."""
 
-MOST_BOXES = 40_000
+MAX_BOXES = 40_000
 """Letters of the search over one tube; most take some hundreds."""
 
 SHARES = (0.98, 0.9, 0.5, 0.0)
@@ -372,16 +372,16 @@ class Kernel:
             share,
             *(array.ctypes.data for array in held),
         )
-        letters = np.empty(MOST_LETTERS, np.uint8)
-        directions = np.empty((MOST_LETTERS, 3), np.int8)
-        fine = np.empty((MOST_LETTERS, 3), np.int16)
+        letters = np.empty(MAX_LETTERS, np.uint8)
+        directions = np.empty((MAX_LETTERS, 3), np.int8)
+        fine = np.empty((MAX_LETTERS, 3), np.int16)
         result = _Result()
         outcome = self._find(
             trees.array,
             *(ctypes.c_void_p(array.ctypes.data) for array in (trees.placed, pairs)),
             ctypes.byref(request),
             *(ctypes.c_void_p(array.ctypes.data) for array in (letters, directions, fine)),
-            ctypes.c_int64(MOST_LETTERS),
+            ctypes.c_int64(MAX_LETTERS),
             ctypes.byref(result),
         )
         return Found(
@@ -450,7 +450,7 @@ class Kernel:
             offsets=at[2],
         )
         allowed = _Tube(len(tube.low), shortest, *at[3:])
-        letters, directions = np.empty(MOST_BOXES, np.uint8), np.empty((MOST_BOXES, 3))
+        letters, directions = np.empty(MAX_BOXES, np.uint8), np.empty((MAX_BOXES, 3))
         is_open, q, result = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(ARM_JOINTS), _Result()
         outcome = self._find_in_boxes(
             trees.array,
@@ -458,7 +458,7 @@ class Kernel:
             ctypes.byref(request),
             ctypes.byref(allowed),
             *(ctypes.c_void_p(array.ctypes.data) for array in (letters, directions)),
-            ctypes.c_int64(MOST_BOXES),
+            ctypes.c_int64(MAX_BOXES),
             *(ctypes.c_void_p(array.ctypes.data) for array in (is_open, q)),
             ctypes.byref(result),
         )

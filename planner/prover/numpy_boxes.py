@@ -30,7 +30,7 @@ from planner.certificate.rows import Joints, Pair
 from planner.prover.kernel import SPARE_M, BoxesFound, Near, Outcome
 from planner.prover.numpy_search import MAX_ITERATIONS, least_norm_weights
 
-MOST_BOXES, FEW_BOXES = 20_000, 4_000
+MAX_BOXES, MAX_BOXES_OF_TRIALS = 20_000, 4_000
 """Tasks of one tube; and where less may be asked for if they do not do."""
 
 MARGINS_M = (0.01, 2e-3)
@@ -42,7 +42,7 @@ OF_LOSS = 0.25
 OF_MOTION = 0.7
 """Time is halved where motion is so much of the widest joint."""
 
-LEAST_WIDTH_RAD = 1e-7
+MIN_WIDTH_RAD = 1e-7
 
 _NONE = Near(-1, np.inf, 0.0)
 _NO_TRACE = BoxTrace(np.zeros(0, np.intp), np.zeros((0, 3)))
@@ -53,10 +53,10 @@ def search_tube(
 ) -> BoxesFound:
     """As `planner.prover.kernel.Kernel.search_tube` does; the nearest pair is not found."""
     for asked_m in (m for m in MARGINS_M if m > margin_m):
-        found = _Search(robot, clusters, pairs, tube, asked_m).run(FEW_BOXES)
+        found = _Search(robot, clusters, pairs, tube, asked_m).run(MAX_BOXES_OF_TRIALS)
         if found.outcome == Outcome.PROVEN:
             return found
-    return _Search(robot, clusters, pairs, tube, margin_m).run(MOST_BOXES)
+    return _Search(robot, clusters, pairs, tube, margin_m).run(MAX_BOXES)
 
 
 def unproven_cells(
@@ -64,7 +64,7 @@ def unproven_cells(
 ) -> NDArray[np.bool_]:
     """As `planner.prover.kernel.Kernel.unproven_cells` does."""
     search = _Search(robot, clusters, pairs, tube, 0.0, shortest)
-    is_proven = search.run(MOST_BOXES).outcome == Outcome.PROVEN
+    is_proven = search.run(MAX_BOXES).outcome == Outcome.PROVEN
     return search.is_open | (not is_proven)
 
 
@@ -99,8 +99,7 @@ class _Search:
             proven_m = min(proven_m, float(gaps[is_apart].min(initial=np.inf)))
             traces.append(BoxTrace(letters, n[is_apart]))
             is_hopeless = (letters >= CUT_JOINT) & (
-                (boxes.high - boxes.low)[np.arange(len(boxes)), letters - CUT_JOINT]
-                < LEAST_WIDTH_RAD
+                (boxes.high - boxes.low)[np.arange(len(boxes)), letters - CUT_JOINT] < MIN_WIDTH_RAD
             )
             if count > most or is_hopeless.any():
                 worst = int(np.where(is_apart, np.inf, gaps).argmin())

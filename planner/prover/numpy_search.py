@@ -44,7 +44,7 @@ from planner.prover.kernel import (
     Rows,
 )
 
-SHORTEST_S = 2e-5
+MIN_CELL_S = 2e-5
 """Cells of time are not cut below this."""
 
 SCALE, FINE_SCALE = 127.0, 32767.0
@@ -241,7 +241,7 @@ class _Level:
         ]
         sag, least = judge.sag_m(sub), judge.least_m[sub.pair]
         spare = np.maximum(reach[at] - least, 0.0)
-        is_long = sub.end_s - sub.start_s > SHORTEST_S
+        is_long = sub.end_s - sub.start_s > MIN_CELL_S
         is_late = (sag > 0.5 * spare) & (sag > 2e-4) & (sag > 1e-2 * np.maximum(*sizes))
         in_time = np.where(is_long & (sag > 0.0), np.maximum(2.0 * sweep[at], 1e3 * is_late), 0.0)
         hopeless = np.flatnonzero((sizes[0] == 0.0) & (sizes[1] == 0.0) & (in_time <= 0.0))

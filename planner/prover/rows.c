@@ -19,25 +19,25 @@ enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_T
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
 
 enum {
-    MOST_JOINTS = 21,   /* of a chain: along one arm, back, and along the other */
+    MAX_JOINTS = 21,   /* of a chain: along one arm, back, and along the other */
     LANES = 8,          /* points of a cluster that are handled at once */
     TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
     MANY = 512,         /* a node of so many points has a list of them for each cell of directions */
-    MOST_LISTED = 4096, /* points of such a node */
+    MAX_LISTED = 4096, /* points of such a node */
     HALVINGS = 3,       /* of each face of a cube of directions, in both ways */
     CELLS = 6 << (2 * HALVINGS),
-    MOST_TASKS = 50000, /* of a level, as in the checker */
+    MAX_TASKS = 50000, /* of a level, as in the checker */
     STACK = 512,
     ITERATIONS = 30,
     CLIMBS = 40,
 };
 
 static const double FAR = 1e9;
-static const double SHORTEST_S = 2e-5;   /* cells of time are not cut below */
-static const double SHORTEST_TRAVEL = 0.02; /* the same as a share of a travel of fingers */
+static const double MIN_CELL_S = 2e-5;   /* cells of time are not cut below */
+static const double MIN_TRAVEL = 0.02; /* the same as a share of a travel of fingers */
 static const double APART_M = 3e-4;      /* so much apart in the middle of a cell: the cell is cut */
 static const double LARGE_SAG = 4.0;     /* so many times larger than the clusters: likewise */
-static const double LEAST_SAG_M = 1e-5;  /* below, clusters are cut first */
+static const double MIN_SAG_M = 1e-5;  /* below, clusters are cut first */
 static const double TOUCHING_SAG_M = 2e-3;
 static const double CONVERGED = 1e-2;
 
@@ -97,8 +97,8 @@ typedef struct {             /* one call */
     Step step;
     Result *result;
     int spans;               /* how many frames are seen from others by some pair */
-    int16_t span[MOST_JOINTS][MOST_JOINTS + 1]; /* the number of frame k seen from m < k; -1 for none */
-    int8_t farthest[MOST_JOINTS], nearest[MOST_JOINTS + 1]; /* the last k for m, and the first m for k */
+    int16_t span[MAX_JOINTS][MAX_JOINTS + 1]; /* the number of frame k seen from m < k; -1 for none */
+    int8_t farthest[MAX_JOINTS], nearest[MAX_JOINTS + 1]; /* the last k for m, and the first m for k */
     double *times;           /* of instants */
     Frame *frames;           /* `spans` of each instant */
     Cell *cells;
@@ -134,7 +134,7 @@ static inline void product(const double *A, const double *B, double *C) {
 /* Number the frames that pairs are seen in. */
 static void number_spans(Search *s) {
     memset(s->span, 255, sizeof s->span);
-    for (int m = 0; m < MOST_JOINTS; m++) s->farthest[m] = (int8_t)m, s->nearest[m + 1] = (int8_t)(m + 1);
+    for (int m = 0; m < MAX_JOINTS; m++) s->farthest[m] = (int8_t)m, s->nearest[m + 1] = (int8_t)(m + 1);
     for (int i = 0; i < s->step.pairs; i++) {
         int m = s->pairs[i].m, k = s->pairs[i].k;
         if (m == k || s->span[m][k] >= 0) continue;
@@ -194,7 +194,7 @@ static double cut_of(const Step *s, double start, double end) {
 /* All frames that are wanted of joints at q. */
 static void place_at(const Search *s, const double *q, Frame *frames) {
     const Step *step = &s->step;
-    double turns[MOST_JOINTS][9];
+    double turns[MAX_JOINTS][9];
     Frame others[2];
     for (int i = 0; i < step->joints; i++) {
         double c = cos(q[i]), d = sin(q[i]);
@@ -245,7 +245,7 @@ static int instant(Search *s, double t) {
     Frame *larger = grown(s->frames, s->instant_count, &s->instant_room, size);
     if (!larger) return -1;
     s->frames = larger;
-    double q[MOST_JOINTS];
+    double q[MAX_JOINTS];
     configuration(&s->step, t, q);
     place_at(s, q, s->frames + (size_t)s->spans * s->instant_count);
     s->times[s->instant_count] = t;
@@ -269,7 +269,7 @@ static const Sag *cell(Search *s, int start, int end) {
     int joints = step->joints;
     double begin = s->times[start], until_s = s->times[end], length = until_s - begin;
     double eighth = length * length / 8 * (1 + 1e-8), quarter = length / 4 * (1 + 1e-8);
-    double V[MOST_JOINTS] = {0}, A[MOST_JOINTS] = {0}, J[MOST_JOINTS] = {0}, both[MOST_JOINTS];
+    double V[MAX_JOINTS] = {0}, A[MAX_JOINTS] = {0}, J[MAX_JOINTS] = {0}, both[MAX_JOINTS];
     for (int g = piece_of(step, begin); g < step->pieces && step->t[g] < until_s; g++)
         for (int i = 0; i < joints; i++) {
             V[i] = fmax(V[i], step->v_peak[joints * g + i]);
@@ -867,8 +867,8 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
             if (!separates_finely(s, &inside, f->d, need, f) && !separated_by_axes(s, &now, &inside, need, f))
                 return *code = refuse(s, task->pair, time, f->kept, NOT_SHOWN), NONE;
         }
-        int is_late = (is_apart && sag > LEAST_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
-        double shortest = s->step.pieces ? SHORTEST_S : SHORTEST_TRAVEL;
+        int is_late = (is_apart && sag > MIN_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
+        double shortest = s->step.pieces ? MIN_CELL_S : MIN_TRAVEL;
         if (is_late && (sag > s->step.slack || is_whole) && end - start > shortest) return CUT_TIME;
         if (is_whole) return *code = refuse(s, task->pair, s->times[middle], is_apart ? apart : f->least, NOT_SHOWN), NONE;
         return first >= second ? CUT_FIRST : CUT_SECOND;
@@ -882,7 +882,7 @@ static int halves(Search *s, const Task *tasks, const uint8_t *letters, int coun
         for (int letter = CUT_FIRST; letter <= CUT_TIME; letter++)
             for (int i = 0; i < count; i++) {
                 if (letters[i] != letter) continue;
-                if (number == MOST_TASKS) return -1;
+                if (number == MAX_TASKS) return -1;
                 Task task = tasks[i];
                 if (letter == CUT_FIRST) task.a = child(s, task.a, side);
                 if (letter == CUT_SECOND) task.b = child(s, task.b, side);
@@ -900,7 +900,7 @@ static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *
                   int16_t *fine, int64_t room) {
     Result *r = s->result;
     int count = s->step.pairs;
-    if (count > MOST_TASKS) return TOO_MUCH;
+    if (count > MAX_TASKS) return TOO_MUCH;
     for (int i = 0; i < count; i++) {
         const Pair *pair = &s->pairs[i];
         tasks[i] = (Task){.pair = i, .a = {pair->first, 0}, .b = {pair->second, 0}};
@@ -942,8 +942,8 @@ typedef struct { const float *x[3]; int32_t *begins, cells; uint16_t *listed; in
 static int list_lowest(Lists *l, int face, double u, double v, double size, const uint16_t *some, int count) {
     int axis = face / 2, a = (axis + 1) % 3, b = (axis + 2) % 3, kept = 0;
     const float *x = l->x[axis], *y = l->x[a], *z = l->x[b];
-    double along = face % 2 ? -1 : 1, least = INFINITY, heights[MOST_LISTED];
-    uint16_t best = 0, own[MOST_LISTED];
+    double along = face % 2 ? -1 : 1, least = INFINITY, heights[MAX_LISTED];
+    uint16_t best = 0, own[MAX_LISTED];
     for (int i = 0; i < count; i++) {
         heights[i] = along * x[some[i]] + u * y[some[i]] + v * z[some[i]];
         if (heights[i] < least) least = heights[i], best = some[i];
@@ -967,14 +967,14 @@ static int list_lowest(Lists *l, int face, double u, double v, double size, cons
 
 /* The lists of all nodes of many points, as many as there is room for. */
 static void list_nodes(int32_t nodes, Tree *tree, int32_t room) {
-    uint16_t all[MOST_LISTED];
+    uint16_t all[MAX_LISTED];
     Lists l = {.begins = tree->begins, .listed = tree->listed, .room = room};
-    for (int i = 0; i < MOST_LISTED; i++) all[i] = (uint16_t)i;
+    for (int i = 0; i < MAX_LISTED; i++) all[i] = (uint16_t)i;
     if (room) l.begins[0] = 0;
     for (int32_t node = 0; node < nodes; node++) {
         int32_t count = tree->count[node], at = tree->first[node], before = l.cells, listed = l.count;
         tree->lists[node] = -1;
-        if (count < MANY || count > MOST_LISTED) continue;
+        if (count < MANY || count > MAX_LISTED) continue;
         l.x[0] = tree->x + at, l.x[1] = tree->y + at, l.x[2] = tree->z + at;
         int is_room = 1;
         for (int face = 0; face < 6; face++) is_room = is_room && list_lowest(&l, face, 0, 0, 1, all, count);
@@ -1014,13 +1014,13 @@ int find_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const 
     size_t table = TABLE * sizeof(int32_t);
     int32_t *tables = malloc(3 * table);
     s.times = malloc(TABLE * sizeof(double)), s.cells = malloc(TABLE * sizeof(Cell));
-    Task *tasks = malloc(2 * MOST_TASKS * sizeof(Task));
+    Task *tasks = malloc(2 * MAX_TASKS * sizeof(Task));
     int code = TOO_MUCH;
-    if (tables && tasks && s.times && s.cells && step->joints <= MOST_JOINTS) {
+    if (tables && tasks && s.times && s.cells && step->joints <= MAX_JOINTS) {
         memset(tables, 255, 3 * table);
         number_spans(&s);
         s.instant_table = tables, s.cell_table = tables + TABLE, s.measured_table = tables + 2 * TABLE;
-        code = levels(&s, tasks, tasks + MOST_TASKS, letters, directions, fine, room);
+        code = levels(&s, tasks, tasks + MAX_TASKS, letters, directions, fine, room);
     }
     free(tables), free(tasks), free(s.times), free(s.frames), free(s.cells), free(s.sags);
     return code;

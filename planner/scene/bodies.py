@@ -20,10 +20,10 @@ from planner.scene.mesh import Mesh, checked_size
 
 GREY = (0.6, 0.6, 0.6, 1.0)
 
-LONGEST_NAME = 100
+MAX_NAME_LENGTH = 100
 """Characters of a body's name; sentences repeat it."""
 
-FARTHEST_M = 1000.0
+MAX_DISTANCE_M = 1000.0
 """How far from base, or from its body, a shape may be; distances beyond lose digits."""
 
 
@@ -149,7 +149,7 @@ class Body(OneLine):
     def __post_init__(self) -> None:
         if not is_name(self.name):
             raise SceneError(
-                f"a body needs a name, of up to {LONGEST_NAME} characters that can be written, got "
+                f"a body needs a name, of up to {MAX_NAME_LENGTH} characters that can be written, got "
                 f"{quoted(self.name)}"
             )
         expect(self.is_movable, bool, "is_movable", SceneError)
@@ -280,7 +280,7 @@ class Scene(OneLine):
 
 def is_name(name: object) -> bool:
     """Whether a body may be called so."""
-    return is_text(name) and 0 < len(name) <= LONGEST_NAME
+    return is_text(name) and 0 < len(name) <= MAX_NAME_LENGTH
 
 
 def _checked_length(value: object, what: str) -> float:
@@ -290,9 +290,9 @@ def _checked_length(value: object, what: str) -> float:
 def _checked_place(pose: PoseLike, what: str) -> pin.SE3:
     T = checked_pose(pose)
     farthest = float(np.abs(T.translation).max())
-    if farthest > FARTHEST_M:
+    if farthest > MAX_DISTANCE_M:
         raise SceneError(
-            f"{what} is placed {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{what} is placed {farthest:g} m away; up to {MAX_DISTANCE_M:g} m can be measured"
             f"{millimetres_hint(farthest)}"
         )
     return T

@@ -38,7 +38,7 @@ SLIDING = 1e-3
 UNIT_TOLERANCE = 1e-9
 """How far the length of a unit vector may be from 1 by rounding."""
 
-MOST_TOUCHED_TRIANGLES = 1000
+MAX_TOUCHED_TRIANGLES = 1000
 """How many triangles a mesh may have that is not convex and something touches on purpose."""
 
 _MAX_ADVANCES = 1000
@@ -248,14 +248,14 @@ def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
     """A shape as convex shapes of coal, whose depth inside another is known: itself, or triangles.
 
     Raises:
-        SceneError: when it is a mesh that is not convex, of more than `MOST_TOUCHED_TRIANGLES`.
+        SceneError: when it is a mesh that is not convex, of more than `MAX_TOUCHED_TRIANGLES`.
     """
     if not isinstance(shape, Mesh) or shape.is_convex:
         return (coal_shape(shape),)
-    if len(shape.triangles) > MOST_TOUCHED_TRIANGLES:
+    if len(shape.triangles) > MAX_TOUCHED_TRIANGLES:
         raise SceneError(
             f"a mesh that is not convex is touched, but has {len(shape.triangles)} triangles; at "
-            f"most {MOST_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
+            f"most {MAX_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
         )
     return tuple(convex(corners, BOTH_SIDES) for corners in shape.corners)
 

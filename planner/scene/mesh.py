@@ -25,7 +25,7 @@ LARGEST_SHAPE_M = 10.0
 SMALLEST_SHAPE_M = 1e-6
 """Shortest edge or radius of a shape; a thinner one is lost in the accuracy of distances."""
 
-MOST_TRIANGLES = 200_000
+MAX_TRIANGLES = 200_000
 """More triangles than any obstacle needs; memory grows with them."""
 
 SLIVER = 1e-9
@@ -114,8 +114,8 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> Indices:
     numbers = float_array(triangles, "mesh triangles", SceneError)
     rows = len(numbers) if numbers.ndim else 0
     numbers = finite_array(numbers, (rows, 3), "mesh triangles", SceneError)
-    if not 1 <= rows <= MOST_TRIANGLES:
-        raise SceneError(f"a mesh has 1 .. {MOST_TRIANGLES} triangles, got {rows}")
+    if not 1 <= rows <= MAX_TRIANGLES:
+        raise SceneError(f"a mesh has 1 .. {MAX_TRIANGLES} triangles, got {rows}")
     outside = (numbers != np.floor(numbers)) | (numbers < 0) | (numbers >= count)
     if outside.any():
         raise SceneError(

@@ -13,7 +13,7 @@ import numpy as np
 from baxter_kin.errors import quoted, shortened, shown_path
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import SceneError
-from planner.scene.mesh import MOST_TRIANGLES, SLIVER, Mesh, open_edges
+from planner.scene.mesh import MAX_TRIANGLES, SLIVER, Mesh, open_edges
 
 _LOG = logging.getLogger(__name__)
 
@@ -45,9 +45,9 @@ def load_mesh(path: str | Path, scale: float | Sequence[float] = 1.0) -> Mesh:
         raise SceneError(
             f"cannot read the mesh {shown_path(path)}: {shortened(str(cause))}"
         ) from None
-    if made.num_tris > MOST_TRIANGLES:
+    if made.num_tris > MAX_TRIANGLES:
         raise SceneError(
-            f"the mesh {shown_path(path)} has {made.num_tris} triangles; at most {MOST_TRIANGLES}"
+            f"the mesh {shown_path(path)} has {made.num_tris} triangles; at most {MAX_TRIANGLES}"
         )
     corners = [made.tri_indices(i) for i in range(made.num_tris)]
     triangles = np.array([[each[k] for k in range(3)] for each in corners], dtype=np.intp)

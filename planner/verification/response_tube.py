@@ -34,7 +34,7 @@ STEP_S = 5e-4
 STATE_RAD = 1e-6
 """What jumps at knots, up to 1e-8 rad, and rounding may add."""
 
-MOST_REST = 50
+MAX_REST = 50
 """An arm has settled after so many greatest lags, whatever it did before."""
 
 
@@ -99,7 +99,7 @@ def response_tube(
     error = response.settled_error_rad
     high, low = [start[1]], [-start[0]]
     moving, most = len(highest), settled_rad + error
-    for number in range(moving + int(MOST_REST * response.lag_s.max() / step_s) + 1):
+    for number in range(moving + int(MAX_REST * response.lag_s.max() / step_s) + 1):
         is_resting = number >= moving
         high.append(_line(high[-1], goal if is_resting else highest[number], response, step_s))
         low.append(_line(low[-1], -goal if is_resting else -lowest[number], response, step_s))

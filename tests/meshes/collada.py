@@ -24,7 +24,7 @@ from tests.meshes.collada_mesh import Surface, numbers, surface_of
 LARGEST_FILE = 64 * 2**20
 """Bytes; Baxter's largest has 6 MB."""
 
-MOST_TRIANGLES = 2_000_000
+MAX_TRIANGLES = 2_000_000
 """Of one file, its instances counted; Baxter's largest has 74 707."""
 
 LONGEST_REASON = 200
@@ -174,8 +174,8 @@ def _joined(surfaces: Iterator[Surface]) -> Surface:
     vertex_count = triangle_count = 0
     for vertices, triangles in surfaces:
         triangle_count += len(triangles)
-        if triangle_count > MOST_TRIANGLES:
-            raise ValueError(f"it has more than {MOST_TRIANGLES} triangles")
+        if triangle_count > MAX_TRIANGLES:
+            raise ValueError(f"it has more than {MAX_TRIANGLES} triangles")
         all_vertices.append(vertices)
         all_triangles.append(triangles + vertex_count)
         vertex_count += len(vertices)

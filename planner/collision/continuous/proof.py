@@ -31,7 +31,7 @@ from planner.clearance import (
     ContinuousResult,
     checked_margin_m,
 )
-from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
+from planner.collision.checker import MAX_JOINT, ClearanceChecker
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import SceneError, TrajectoryError
@@ -328,7 +328,7 @@ def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:
             f"of {', '.join(names)}"
         )
     farthest = float(np.abs(np.concatenate(trajectory.position_extrema())).max())
-    if farthest > FARTHEST_JOINT:
+    if farthest > MAX_JOINT:
         raise TrajectoryError(
-            f"the motion reaches {farthest:g} rad; up to {FARTHEST_JOINT:g} is measured"
+            f"the motion reaches {farthest:g} rad; up to {MAX_JOINT:g} is measured"
         )

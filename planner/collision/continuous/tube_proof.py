@@ -34,7 +34,7 @@ from planner.prover.kernel import SHARES, BoxesFound, Outcome, Trees, rows_kerne
 from planner.prover.numpy_boxes import search_tube, unproven_cells
 from planner.prover.numpy_search import laid_out
 
-SHORTEST_CELLS = 4
+MIN_CELLS = 4
 """Time is not cut finer than so many cells of a tube to find out when contacts may happen."""
 
 
@@ -113,9 +113,9 @@ class TubeProofs:
         allowed = Tube(tube.lowest, tube.highest)
         if kernel is None:
             clusters, of = laid_out(there, rows)
-            return unproven_cells(arranged.chain, clusters, of, allowed, SHORTEST_CELLS)
+            return unproven_cells(arranged.chain, clusters, of, allowed, MIN_CELLS)
         trees = Trees(kernel, there)
-        return kernel.unproven_cells(arranged.chain, trees, rows, allowed, SHORTEST_CELLS)
+        return kernel.unproven_cells(arranged.chain, trees, rows, allowed, MIN_CELLS)
 
     def _found(
         self, tube: JointTube, numbers: Indices, margin_m: float, shares: Sequence[float]

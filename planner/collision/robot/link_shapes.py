@@ -13,7 +13,7 @@ from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Shape
 from planner.scene.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 
-MOST_KEPT = 64
+MAX_KEPT = 64
 """Links that differ, of which the shapes are kept; a robot has some twenty."""
 
 
@@ -95,12 +95,12 @@ def for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.BV
     }
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=MAX_KEPT)
 def _shapes_of(content: _Content) -> tuple[LinkShape, ...]:
     return tuple(_of_link(content.link))
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=MAX_KEPT)
 def _surface_for_contacts(content: _Content) -> coal.BVHModelOBB:
     return surface_for_contacts(*content.link.whole)
 

@@ -20,7 +20,7 @@ from planner.certificate.touching import DistanceBounds
 from planner.scene.contact import coal_pose, coal_shape
 
 ROUNDING_M = 1e-12
-LEAST_LENGTH = 1e-6
+MIN_LENGTH = 1e-6
 COALS_M = 2e-6
 """How far coal's distances may be off, `planner.collision.distances`."""
 
@@ -53,7 +53,7 @@ def poses(draw: st.DrawFn) -> pin.SE3:
 @given(shapes(), poses(), PLACES)
 def test_a_support_is_that_of_the_shape(shape: Any, T: pin.SE3, direction: list[float]) -> None:
     clusters, n = Clusters(), np.array(direction)
-    assume(np.linalg.norm(n) > LEAST_LENGTH)
+    assume(np.linalg.norm(n) > MIN_LENGTH)
     n /= np.linalg.norm(n)
     root = placed(shape, clusters, T)
     found = clusters.lowest(np.array([root]), n[None])[0]

@@ -24,7 +24,7 @@ from planner.clearance import ContinuousProof
 from planner.collision.robot.robot_body import RobotBody
 from planner.grasping import Grasp
 from planner.grasping.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
-from planner.grasping.overhead import LEAST_ROOM_M
+from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from tests.conftest import at
 
@@ -77,7 +77,7 @@ class TestBelieved:
         opening_m = openings(plan)[0]
         assert opening_m is not None
         widths_m = manipulator.hand.closed_gap_m + 2 * opening_m
-        assert 0.02 + 2 * LEAST_ROOM_M <= widths_m < 2 * (0.0226 - 0.004)
+        assert 0.02 + 2 * MIN_FINGER_CLEARANCE_M <= widths_m < 2 * (0.0226 - 0.004)
 
     def test_fingers_may_close_through_a_post_that_leaves_no_room(
         self, manipulator: Manipulator, table: Body

@@ -12,7 +12,7 @@ from baxter_kin import Baxter
 from planner import Body, Box, Hand, Part, RobotShapes, make_block
 from planner.collision.robot.robot_body import RobotBody
 from planner.grasping import Grasp, Miss, MissKind
-from planner.grasping.grasp import LEAST_PAD_M, NEAR_EDGE_M
+from planner.grasping.grasp import MIN_PAD_M, NEAR_EDGE_M
 from planner.scene.bodies import Sphere
 from tests.bodies import grasp_of
 from tests.conftest import at
@@ -39,7 +39,7 @@ def lower(pad_m: float, edge_m: float = 0.04) -> Body:
     return make_block("cube", at(0.0, 0.0, PAD_BOTTOM_M - pad_m + edge_m / 2), edge_m=edge_m)
 
 
-@given(st.floats(LEAST_PAD_M + 1e-6, 0.036))
+@given(st.floats(MIN_PAD_M + 1e-6, 0.036))
 def test_how_much_of_a_pad_holds_is_told(hand: Hand, pad_m: float) -> None:
     assume(abs(pad_m - NEAR_EDGE_M) > ROUNDING_M)
     grasp = closed_on(hand, lower(pad_m))
@@ -48,7 +48,7 @@ def test_how_much_of_a_pad_holds_is_told(hand: Hand, pad_m: float) -> None:
     assert grasp.is_near_edge == (pad_m < NEAR_EDGE_M)
 
 
-@given(st.floats(1e-4, LEAST_PAD_M - 1e-6))
+@given(st.floats(1e-4, MIN_PAD_M - 1e-6))
 def test_too_little_of_a_pad_is_a_miss_with_its_number(hand: Hand, pad_m: float) -> None:
     miss = closed_on(hand, lower(pad_m))
     assert isinstance(miss, Miss)

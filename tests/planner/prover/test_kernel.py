@@ -199,7 +199,7 @@ def test_what_is_no_kernel_is_not_loaded(tmp_path: Path) -> None:
 def test_more_rows_than_fit_are_an_error(
     own: Robot, own_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "MOST_LETTERS", 0)
+    monkeypatch.setattr(kernel, "MAX_LETTERS", 0)
     clusters = Clusters()
     box = Shape.of_file(SHAPES[0], "box")
     roots = [

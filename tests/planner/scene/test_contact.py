@@ -19,7 +19,7 @@ from planner.collision.distances import ACCURACY_M
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.contact import (
-    MOST_TOUCHED_TRIANGLES,
+    MAX_TOUCHED_TRIANGLES,
     PartContact,
     coal_pose,
     coal_shape,
@@ -261,7 +261,7 @@ def test_a_shape_travels_to_a_mesh_by_the_gap_between_them(moving: Any, still: A
 
 
 def test_an_open_mesh_of_many_triangles_cannot_be_touched_on_purpose() -> None:
-    count = MOST_TOUCHED_TRIANGLES // len(OPEN.triangles) + 1
+    count = MAX_TOUCHED_TRIANGLES // len(OPEN.triangles) + 1
     vertices = np.concatenate([OPEN.vertices + k * X / 100 for k in range(count)])
     triangles = np.concatenate([OPEN.triangles + 8 * k for k in range(count)])
     with pytest.raises(SceneError, match="convex hull"):
