@@ -274,8 +274,8 @@ def _with_tool(arm: Arm, T_gripper_tip: pin.SE3, name: str) -> pin.Model:
     is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= MAX_TOOL_NAME_LENGTH
     if not is_name or arm.model.existFrame(name):
         raise ConfigurationError(
-            f"a tool needs a name of 1 to {MAX_TOOL_NAME_LENGTH} printable characters that no other "
-            f"frame has, not {quoted(name)}"
+            f"a tool needs a name of 1 to {MAX_TOOL_NAME_LENGTH} printable characters that no "
+            f"other frame has, not {quoted(name)}"
         )
     model = pin.Model(arm.model)
     gripper = model.frames[model.getFrameId(arm.gripper_frame)]

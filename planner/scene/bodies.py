@@ -149,8 +149,8 @@ class Body(OneLine):
     def __post_init__(self) -> None:
         if not is_name(self.name):
             raise SceneError(
-                f"a body needs a name, of up to {MAX_NAME_LENGTH} characters that can be written, got "
-                f"{quoted(self.name)}"
+                f"a body needs a name, of up to {MAX_NAME_LENGTH} characters that can be written, "
+                f"got {quoted(self.name)}"
             )
         expect(self.is_movable, bool, "is_movable", SceneError)
         parts = expect_all(self.parts, Part, f"the parts of {self.name!r}", SceneError)

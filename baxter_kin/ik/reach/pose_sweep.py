@@ -113,8 +113,8 @@ MAX_SURVIVORS_IF_THOROUGH = 20_000
 second."""
 
 PASSES = 2
-"""Number of times that a cell is evaluated again with the deviation near its angles. One more proved
-nothing more for an arm that is off by 0.5 mm and 1 mrad at every joint."""
+"""Number of times that a cell is evaluated again with the deviation near its angles. One more
+proved nothing more for an arm that is off by 0.5 mm and 1 mrad at every joint."""
 
 HOPELESS = 5
 """Nor are they where so many times more remain than may, as hardly ever would few enough be left,
