@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 import pickle
 import threading
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.errors import ConfigurationError, LimitsError, PoseError, UnknownNameError
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import JOINTS, MIRROR
 from planner import Manipulator
 
@@ -221,7 +221,7 @@ def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
 ) -> None:
     q_max = left.limits.q_max.copy()
     q_max[1] = -0.4
-    narrow = left.with_limits(replace(left.limits, q_max=q_max))
+    narrow = left.with_limits(evolve(left.limits, q_max=q_max))
     assert left.limits.q_max[1] > q_max[1]
     assert narrow.with_tip("left_hand").limits is narrow.limits
     assert narrow.joint_names == left.joint_names
@@ -233,7 +233,7 @@ def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
         solved += result.is_valid
         assert not result.is_valid or result.q[1] <= q_max[1]
     assert solved
-    own = replace(robot, arms={**robot.arms, "left": narrow})
+    own = evolve(robot, arms={**robot.arms, "left": narrow})
     assert Manipulator.of(own, "left").limits is narrow.limits
     assert pickle.loads(pickle.dumps(narrow)).limits.q_max[1] == q_max[1]
 
@@ -243,9 +243,9 @@ def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
     [
         lambda _: None,
         lambda left: left.limits.q_max,
-        lambda left: replace(left.limits, names=tuple(reversed(left.joint_names))),
-        lambda left: replace(left.limits, q_max=left.limits.q_max + 1e-6),
-        lambda left: replace(left.limits, q_min=left.limits.q_min - 1e-6),
+        lambda left: evolve(left.limits, names=tuple(reversed(left.joint_names))),
+        lambda left: evolve(left.limits, q_max=left.limits.q_max + 1e-6),
+        lambda left: evolve(left.limits, q_min=left.limits.q_min - 1e-6),
     ],
 )
 def test_limits_of_nothing_of_other_joints_and_beyond_the_stops_are_refused(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import field_names
 from planner.atlas import ReachMap
 from planner.atlas.redundancy import RedundancyMap, RedundancySearch, Subset
 from planner.atlas.redundancy.measures import MEASURES
@@ -30,7 +30,8 @@ def test_cells_have_the_freedom_of_their_poses(
         assert cell.freedom.pieces == alone.pieces
         steps = 1.5 * np.array(list(MEASURES.values()))
         steps[-1] = 0.01
-        assert (np.abs(np.subtract(astuple(cell.freedom), astuple(alone))) <= steps).all()
+        for name, step in zip(field_names(alone), steps, strict=True):
+            assert abs(getattr(cell.freedom, name) - getattr(alone, name)) <= step, name
         assert cell.freedom.margin_rad <= alone.margin_rad + 1e-4
 
 
