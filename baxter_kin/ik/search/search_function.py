@@ -21,7 +21,7 @@ neither error nor row.
 
 An exact pose is a task of zero width. Its step is shorter: the position part of `e` and `J` can
 then be that of the wrist, where the last two axes meet or come nearest. These joints hardly move
-it, which makes an iteration cheaper, and more of them succeed: 838 operations instead of 3,022, and
+it, which makes an iteration cheaper, and more of them succeed: 858 operations instead of 3,022, and
 85 % of uniform poses converge from the middle of the joint ranges instead of 83 %. So the function
 switches to this step where all widths are zero.
 
@@ -45,7 +45,7 @@ import pinocchio as pin
 
 from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.ik.seeds import FEATURE_WEIGHT_M, MAP_STARTS, setpoint_table
-from baxter_kin.kinematics.arm import Arm
+from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
 from baxter_kin.validation import FloatArray
@@ -55,7 +55,7 @@ ITERATIONS = 15
 at most 15 iterations and 87 % in 20; giving up earlier and starting elsewhere costs less."""
 
 SEEN_FROM = 1
-"""The link that the formulas are seen from, the one that s0 turns: 838 operations an iteration for
+"""The link that the formulas are seen from, the one that s0 turns: 858 operations an iteration for
 right angles, 1,146 in general, which take 1.1 times as long. From other links as many."""
 
 ROTATION_WEIGHT_M = 0.6
@@ -84,15 +84,11 @@ PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
 of these numbers. Of searches from the nearest setpoint up to 2 % have more and would have
 converged, and more than 7 of the 9 % that would not: the next setpoint is the better bet."""
 
-SETPOINTS = 64
-"""Number of stored setpoints of an arm (`baxter_kin.ik.seeds.setpoint_table`)."""
-
 TASK_NUMBERS = 32
 """Numbers that `TaskNumbers` hands to the search."""
 
 _MIN_COSINE, _MIN_TASK_COSINE = 1e-6, 1e-3
 _SMALL = 1e-6  # below, angles are taken from their series
-_IDENTITY = ca.DM([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,9 +133,9 @@ def columns_of(T: pin.SE3) -> FloatArray:
 
 
 @cache
-def search_functions(shape: Shape) -> tuple[ca.Function, ca.Function]:
-    """The functions for arms of a shape: from a start, and from the map."""
-    return search_function(shape), map_search_function(shape)
+def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
+    """The functions for arms of a shape: from a start, from the left map, from the right one."""
+    return search_function(shape), *(map_search_function(shape, side) for side in LIMBS)
 
 
 def search_function(
@@ -161,7 +157,8 @@ def search_function(
     task, (tip, last, widths, roll_is_free) = task_symbols()
     arm, (bounds, dimensions, first) = arm_symbols(shape)
     q_clamped, is_valid = input_check()(q_start, T, bounds)
-    inputs = [q_clamped, T, tip, last, widths, roll_is_free, bounds, dimensions, first]
+    T_first_tip = _seen_from_first()(T, first)
+    inputs = [q_clamped, T_first_tip, tip, last, widths, roll_is_free, bounds, dimensions]
     is_exact = ca.logic_and(ca.sum1(widths) == 0, roll_is_free == 0)
     exact, task_search = (kind(shape, patience, inputs) for kind in (_exact_search, _task_search))
     switch = ca.Function.if_else("kind", exact, task_search)
@@ -172,18 +169,16 @@ def search_function(
 
 def _exact_search(shape: Shape, patience: Mapping[int, float], inputs: list[ca.MX]) -> ca.Function:
     """The iterations for zero widths, of the inputs that both kinds of search have."""
-    q, T, tip, last, _, _, bounds, dimensions, first = given = _alike(inputs)
-    target = target_function()(T, ca.vertcat(first, last))
-    outputs = iterations_of(exact_step(shape), patience)(q, target, tip[9:], bounds, dimensions)
+    q, T, tip, last, _, _, bounds, dimensions = given = _alike(inputs)
+    iterations = iterations_of(exact_step(shape), patience)
+    outputs = iterations(q, _last_axis()(T, last), tip[9:], bounds, dimensions)
     return ca.Function("exact", given, list(outputs))
 
 
 def _task_search(shape: Shape, patience: Mapping[int, float], inputs: list[ca.MX]) -> ca.Function:
     """The iterations for any widths, of the same inputs."""
-    q, T, tip, _, widths, roll, bounds, dimensions, first = given = _alike(inputs)
-    target = target_function()(T, ca.vertcat(first, _IDENTITY))
-    iterations = iterations_of(task_step(shape), patience)
-    outputs = iterations(q, target, tip, widths, roll, bounds, dimensions)
+    q, T, tip, _, widths, roll, bounds, dimensions = given = _alike(inputs)
+    outputs = iterations_of(task_step(shape), patience)(q, T, tip, widths, roll, bounds, dimensions)
     return ca.Function("task", given, list(outputs))
 
 
@@ -206,11 +201,17 @@ def arm_symbols(shape: Shape) -> tuple[ca.MX, list[ca.MX]]:
 
 
 @cache
-def target_function() -> ca.Function:
-    """`(T_base_tip, frames) -> T_first_last`, 4 x 4: where the last axis shall be."""
-    T, frames = ca.SX.sym("T", 4, 4), ca.SX.sym("frames", 24)
-    first, last = (_pose(part) for part in ca.vertsplit(frames, 12))
-    return ca.Function("target", [T, frames], [first @ T @ last])
+def _seen_from_first() -> ca.Function:
+    """`(T_base_tip, first) -> T_first_tip`, its first three rows, 3 x 4."""
+    T, first = ca.SX.sym("T", 4, 4), ca.SX.sym("first", 12)
+    return ca.Function("seen_from_first", [T, first], [(_pose(first) @ T)[:3, :]])
+
+
+@cache
+def _last_axis() -> ca.Function:
+    """`(T_first_tip, last) -> T_first_last`, 3 x 4: where the last axis shall be."""
+    T, last = ca.SX.sym("T", 3, 4), ca.SX.sym("last", 12)
+    return ca.Function("last_axis", [T, last], [T @ _pose(last)])
 
 
 def _pose(numbers: ca.SX) -> ca.SX:
@@ -273,7 +274,7 @@ def exact_step(shape: Shape) -> ca.Function:
     The errors are those of the tip, in m and rad.
     """
     chain = SymbolicChain.of_shape(shape, SEEN_FROM)
-    T, p_last_tip = ca.SX.sym("T", 4, 4), ca.SX.sym("p_last_tip", 3)
+    T, p_last_tip = ca.SX.sym("T", 3, 4), ca.SX.sym("p_last_tip", 3)
     q, bounds = chain.q, ca.SX.sym("bounds", 14)
     R_target = chain.R_link_first @ T[:3, :3]
     wrist_error = chain.R_link_first @ T[:3, 3] + chain.p_link_first - chain.p_link_last
@@ -292,7 +293,7 @@ def task_step(shape: Shape) -> ca.Function:
     The errors are by how much position and orientation of the tip exceed the widths, in m and rad.
     """
     chain = SymbolicChain.of_shape(shape)
-    T, tip = ca.SX.sym("T", 4, 4), ca.SX.sym("tip", 12)
+    T, tip = ca.SX.sym("T", 3, 4), ca.SX.sym("tip", 12)
     widths, roll_is_free = ca.SX.sym("widths", 7), ca.SX.sym("roll_is_free")
     bounds = ca.SX.sym("bounds", 14)
     p_tip = chain.p_link_last + chain.R_link_last @ tip[9:]
@@ -456,56 +457,57 @@ def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
     return within
 
 
-def map_search_function(shape: Shape) -> ca.Function:
-    """The search for exact poses from the map, as `(T_base_tip, T_base_gripper, ...) -> ...`.
+def map_search_function(shape: Shape, side: str) -> ca.Function:
+    """The search for exact poses from the map, as `(T_base_tip, T_base_gripper, task, arm) -> ...`.
 
     It starts from the setpoints nearest to the gripper's pose, one after the other. Choosing them
     costs less than one iteration, and poses that the first setpoint solves never meet the others.
 
-    Inputs: poses of tip and gripper, 4 x 4; `Task.numbers`; `ArmNumbers.within`; and the two arrays
-    of `map_numbers`. Outputs: the first iterate that converged, else the one that came nearest,
-    7 x 1; report, 6 x 1: 1 if it converged and the pose is valid, else 0; position error in m;
-    orientation error in rad; iterations of all searches; 1 if the pose is valid; starts.
+    Inputs: poses of tip and gripper, 4 x 4; `Task.numbers`; `ArmNumbers.within`. Outputs: the first
+    iterate that converged, else the one that came nearest, 7 x 1; report, 6 x 1: 1 if it converged
+    and the pose is valid, else 0; position error in m; orientation error in rad; iterations of all
+    searches; 1 if the pose is valid; starts.
+
+    Args:
+        shape: of the arms that it is for.
+        side: "left" or "right": whose setpoints. They are constants; as inputs, they would be
+            copied at every call, which takes a fifth of its time.
     """
     T, T_gripper = ca.MX.sym("T", 4, 4), ca.MX.sym("T_gripper", 4, 4)
     task, (tip, last, *_) = task_symbols()
     arm, (bounds, dimensions, first) = arm_symbols(shape)
-    regions, setpoints = ca.MX.sym("regions", SETPOINTS, 13), ca.MX.sym("setpoints", 7, SETPOINTS)
-    iterations = iterations_of(exact_step(shape), PATIENCE)
-    rest = _start(MAP_STARTS, iterations, None)
+    middles, table = setpoint_table(side)
+    setpoints, iterations = ca.MX(ca.DM(table.T)), _patient_iterations(shape)
+    rest = _start(MAP_STARTS, iterations, setpoints, None)
     for rank in range(MAP_STARTS - 1, 0, -1):
-        rest = _start(rank, iterations, rest)
-    target = target_function()(T, ca.vertcat(first, last))
-    squares = regions[:, 12] - regions[:, :12] @ _features_function()(T_gripper)
-    infinity = ca.MX(ca.inf)
+        rest = _start(rank, iterations, setpoints, rest)
+    target = _last_axis()(_seen_from_first()(T, first), last)
+    squares, infinity = _squares_function(middles)(T_gripper), ca.MX(ca.inf)
     no_result = -infinity, ca.MX.zeros(7), ca.vertcat(infinity, infinity), ca.MX(0)
-    q, outcome = rest(target, tip[9:], bounds, dimensions, setpoints, squares, *no_result)
+    q, outcome = rest(target, tip[9:], bounds, dimensions, squares, *no_result)
     is_valid = _pose_check()(T)
     found = ca.logic_and(outcome[0], is_valid)
     report = ca.vertcat(found, outcome[1:4], is_valid, outcome[4])
-    inputs = [T, T_gripper, task, arm, regions, setpoints]
-    return ca.Function(f"map_search_{shape.name.lower()}", inputs, [q, report])
+    name = f"map_search_{side}_{shape.name.lower()}"
+    return ca.Function(name, [T, T_gripper, task, arm], [q, report])
 
 
-def map_numbers(side: str) -> tuple[FloatArray, FloatArray]:
-    """An arm's setpoints as the search from the map takes them, column by column.
-
-    Twice the features of each region's middle, with the square of their length, shape
-    (13, `SETPOINTS`), and a setpoint for each, shape (`SETPOINTS`, 7), rad.
-    """
-    middles, setpoints = setpoint_table(side)
-    return np.vstack([2.0 * middles.T, (middles**2).sum(axis=1)]), setpoints
+@cache
+def _patient_iterations(shape: Shape) -> ca.Function:
+    return iterations_of(exact_step(shape), PATIENCE)
 
 
-def _start(rank: int, iterations: ca.Function, rest: ca.Function | None) -> ca.Function:
+def _start(
+    rank: int, iterations: ca.Function, setpoints: ca.MX, rest: ca.Function | None
+) -> ca.Function:
     """The start of that rank, and behind a lazy switch the rest of them.
 
-    `(T, p_last_tip, bounds, dimensions, setpoints, squares, square of the previous start, best q,
-    its errors, iterations so far) -> (q, outcome)`.
+    `(T, p_last_tip, bounds, dimensions, squares, square of the previous start, best q, its errors,
+    iterations so far) -> (q, outcome)`.
     """
-    state = T, p_tip, bounds, dimensions, setpoints, squares, last, *best = _state(iterations)
-    q_best, errors_best, count = best
-    index, square = _nearest_function()(squares, last)
+    sizes = iterations.size1_in(4), setpoints.shape[1]
+    state = T, p_tip, bounds, dimensions, squares, last, q_best, errors_best, count = _state(*sizes)
+    index, square = _nearest_function(sizes[1])(squares, last)
     start = ca.fmin(ca.fmax(setpoints[:, index], bounds[:7]), bounds[7:])
     q, outcome = iterations(start, T, p_tip, bounds, dimensions)
     errors, total = outcome[1:3], count + outcome[3]
@@ -513,28 +515,27 @@ def _start(rank: int, iterations: ca.Function, rest: ca.Function | None) -> ca.F
     q, errors = ca.if_else(is_better, q, q_best), ca.if_else(is_better, errors, errors_best)
     outputs = [q, ca.vertcat(outcome[0], errors, total, rank)]
     if rest is not None:
-        now = T, p_tip, bounds, dimensions, setpoints, squares, square, q, errors, total
-        outputs = list(_switch(rank, rest, iterations)(outcome[0], *now))
+        now = T, p_tip, bounds, dimensions, squares, square, q, errors, total
+        outputs = list(_switch(rank, rest, *sizes)(outcome[0], *now))
     return ca.Function(f"start_{rank}", list(state), outputs)
 
 
-def _switch(rank: int, rest: ca.Function, iterations: ca.Function) -> ca.Function:
+def _switch(rank: int, rest: ca.Function, dimensions: int, setpoints: int) -> ca.Function:
     """`(1 if it converged, state) -> (q, outcome)`: what was found, or what the rest finds."""
-    state = _state(iterations)
+    state = _state(dimensions, setpoints)
     *_, q, errors, count = state
     stay = ca.Function("stay", list(state), [q, ca.vertcat(1, errors, count, rank)])
     go_on = ca.Function("go_on", list(state), list(rest(*state)))
     return ca.Function.if_else("switch", stay, go_on)
 
 
-def _state(iterations: ca.Function) -> tuple[ca.MX, ...]:
+def _state(dimensions: int, setpoints: int) -> tuple[ca.MX, ...]:
     shapes = {
-        "T": (4, 4),
+        "T": (3, 4),
         "p_last_tip": (3, 1),
         "bounds": (14, 1),
-        "dimensions": (iterations.size1_in(4), 1),
-        "setpoints": (7, SETPOINTS),
-        "squares": (SETPOINTS, 1),
+        "dimensions": (dimensions, 1),
+        "squares": (setpoints, 1),
         "last": (1, 1),
         "q_best": (7, 1),
         "errors_best": (2, 1),
@@ -543,20 +544,20 @@ def _state(iterations: ca.Function) -> tuple[ca.MX, ...]:
     return tuple(ca.MX.sym(name, *shape) for name, shape in shapes.items())
 
 
-@cache
-def _features_function() -> ca.Function:
-    """`T -> pose_features`, 12 x 1."""
+def _squares_function(middles: FloatArray) -> ca.Function:
+    """`T -> squared distances` to the regions' middles, less a common part, n x 1."""
     T = ca.SX.sym("T", 4, 4)
     features = ca.vertcat(T[:3, 3], FEATURE_WEIGHT_M * ca.vec(T[:3, :3].T))
-    return ca.Function("features", [T], [features])
+    squares = ca.SX((middles**2).sum(axis=1)) - 2 * ca.SX(middles) @ features
+    return ca.Function("squares", [T], [squares])
 
 
 @cache
-def _nearest_function() -> ca.Function:
+def _nearest_function(size: int) -> ca.Function:
     """`(squares, last) -> (index, square)`: the smallest square above the last one."""
-    squares, last = ca.SX.sym("squares", SETPOINTS), ca.SX.sym("last")
+    squares, last = ca.SX.sym("squares", size), ca.SX.sym("last")
     index, nearest = ca.SX(0), ca.SX(ca.inf)
-    for i in range(SETPOINTS):
+    for i in range(size):
         is_nearer = ca.logic_and(squares[i] > last, squares[i] < nearest)
         index = ca.if_else(is_nearer, i, index)
         nearest = ca.if_else(is_nearer, squares[i], nearest)

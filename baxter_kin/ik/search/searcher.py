@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import member_of
-from baxter_kin.ik.search.search_function import ArmNumbers, map_numbers, search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
-from baxter_kin.kinematics.arm import Arm
+from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape
 from baxter_kin.validation import FloatArray, Indices
@@ -226,7 +226,7 @@ class Searcher:
         self._given = self._task.numbers(DHParameters.of(arm).T_last_tip)
         self._arm = self._numbers.within()
         T = arm.T_base_tip(arm.neutral).homogeneous
-        shared, self._setpoints = (self._given, self._arm), map_numbers(arm.side)
+        shared = self._given, self._arm
         self._one = BufferedSearch(functions[0], shared)
         self._many = BatchedSearch(functions[0], (arm.neutral, self._task.turned(T)))
         self._one_from_map, self._many_from_map = None, None
@@ -234,8 +234,9 @@ class Searcher:
         if arm.tip_frame != arm.gripper_frame:
             self._T_tip_gripper = arm.T_gripper_tip.inverse().homogeneous
         if tolerance == EXACT:
-            self._one_from_map = BufferedSearch(functions[1], (*shared, *self._setpoints))
-            self._many_from_map = BatchedSearch(functions[1], (T, self._gripper_poses(T)))
+            from_map = functions[1 + LIMBS.index(arm.side)]
+            self._one_from_map = BufferedSearch(from_map, shared)
+            self._many_from_map = BatchedSearch(from_map, (T, self._gripper_poses(T)))
 
     def search_one(self, q_start: FloatArray, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """One search; its input is not checked and its output not copied.
@@ -286,8 +287,7 @@ class Searcher:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         if self._many_from_map is None:
             return search_from_setpoints(self, self._map, Ts)
-        shared = self._given, self._arm, *self._setpoints
-        return self._many_from_map((Ts, self._gripper_poses(Ts)), shared)
+        return self._many_from_map((Ts, self._gripper_poses(Ts)), (self._given, self._arm))
 
     def _gripper_poses(self, Ts: FloatArray) -> FloatArray:
         """Where poses of the tip, shape (..., 4, 4), put the gripper."""

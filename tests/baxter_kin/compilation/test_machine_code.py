@@ -15,7 +15,7 @@ from baxter_kin.compilation import compiler, machine_code
 from baxter_kin.compilation.compiler import compilers
 from baxter_kin.compilation.machine_code import KernelCache, compiled, private_folder, user_folder
 from baxter_kin.errors import FileError
-from baxter_kin.ik.search.search_function import ArmNumbers, map_numbers, search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
 from baxter_kin.ik.tolerance import EXACT, Task
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from tests.baxter_kin.compilation.test_compiler import ends
@@ -133,13 +133,12 @@ def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: 
     machine_code = compiled(functions)
     assert machine_code is not None
     task = Task.of(any_arm, EXACT).numbers(DHParameters.of(any_arm).T_last_tip)
-    regions, setpoints = map_numbers(any_arm.side)
     rng = np.random.default_rng(0)
     for _ in range(50):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
         inputs = (any_arm.random_configuration(rng), T, task, numbers.within())
         for i, function in enumerate(functions):
-            given = (T, *inputs[1:], regions.T, setpoints.T) if i > 0 else inputs
+            given = (T, *inputs[1:]) if i > 0 else inputs
             both = function(*given), machine_code[i](*given)
             for expected, found in zip(*both, strict=True):
                 np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)

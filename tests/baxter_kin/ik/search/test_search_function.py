@@ -16,15 +16,13 @@ from baxter_kin.ik.search.search_function import (
     PATIENCE,
     ROTATION_WEIGHT_M,
     SEED_TOLERANCE_RAD,
-    SETPOINTS,
     ArmNumbers,
-    map_numbers,
     search_function,
     search_functions,
     solve_symmetric,
     task_coordinates,
 )
-from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, setpoint_table
+from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.dh_parameters import DHParameters
@@ -291,7 +289,7 @@ def test_invalid_input_is_reported(any_arm: Arm) -> None:
 def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
     """From a start, giving up as the map's searches do, and from the map."""
     shape = ArmNumbers.of(any_arm).shape
-    from_map = search_functions(shape)[1]
+    from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
     return search_function(shape, PATIENCE), from_map
 
 
@@ -302,14 +300,7 @@ def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def from_map(arm: Arm, T: np.ndarray) -> tuple[np.ndarray, ...]:
     """The inputs of the search from the map for a pose of the gripper."""
-    return (
-        T,
-        T,
-        task_of(arm),
-        ArmNumbers.of(arm).within(),
-        map_numbers(arm.side)[0].T,
-        map_numbers(arm.side)[1].T,
-    )
+    return T, T, task_of(arm), ArmNumbers.of(arm).within()
 
 
 def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -414,14 +405,10 @@ def test_an_arm_with_parallel_axes_is_refused(robot: Baxter) -> None:
         ArmNumbers.of(arm)
 
 
-@pytest.mark.parametrize("side", LIMBS)
-def test_the_map_has_as_many_setpoints_as_the_search_takes(side: str) -> None:
-    assert [len(each) for each in setpoint_table(side)] == [SETPOINTS, SETPOINTS]
-
-
 @pytest.mark.parametrize(
     "T", [np.diag([1.0, 1.0, -1.0, 1.0]), np.full((4, 4), np.nan), np.diag([1.0, 1.0, 1.0, 2.0])]
 )
 def test_an_invalid_pose_is_reported_from_the_map_too(any_arm: Arm, T: np.ndarray) -> None:
-    _, report = run(search_functions(ArmNumbers.of(any_arm).shape)[1], *from_map(any_arm, T))
+    functions = search_functions(ArmNumbers.of(any_arm).shape)
+    _, report = run(functions[1 + LIMBS.index(any_arm.side)], *from_map(any_arm, T))
     assert report[[0, 4]].tolist() == [0.0, 0.0]
