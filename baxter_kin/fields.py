@@ -32,28 +32,28 @@ not ensure.
 from __future__ import annotations
 
 import dataclasses
-import types
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass, replace
 from functools import cache, partial
-from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeAlias, TypeVar, get_type_hints
 
 import attrs
-import numpy as np
 from attrs import field
-from numpy.typing import NDArray
 from typing_extensions import dataclass_transform
 
 from baxter_kin.errors import BaxterError, expect_all, quoted
 from baxter_kin.validation import (
     FloatArray,
+    Test,
     finite_scalar,
     float_array,
-    is_text,
+    is_nan,
     read_only,
+    type_name,
+    type_test,
     whole_scalar,
 )
-from baxter_kin.value_objects import FrozenMapping, line, shown
+from baxter_kin.value_objects import FrozenMapping, is_default, line, shown, with_read_only_arrays
 
 __all__ = [
     "array",
@@ -70,12 +70,8 @@ __all__ = [
 
 T = TypeVar("T")
 Convert: TypeAlias = Callable[[Any, str, type[BaxterError]], Any]
-Test: TypeAlias = Callable[[object], bool]
 
 _CONVERT, _MAY_BE_NAN = "baxter_kin.convert", "baxter_kin.may_be_nan"
-
-MAX_INTEGER_BITS = 1024
-"""Size of an integer that a float can hold."""
 
 
 def array(*shape: int | None, what: str = "", **options: Any) -> Any:
@@ -208,7 +204,7 @@ def _check_type(
 ) -> None:
     cls: Any = type(instance)
     expected, test = _types_of(cls)[each.name]
-    if not test(given) and not (each.metadata.get(_MAY_BE_NAN) and _is_nan(given)):
+    if not test(given) and not (each.metadata.get(_MAY_BE_NAN) and is_nan(given)):
         what = f"{type(instance).__name__}.{each.name}"
         raise error(f"{what} must be {expected}, got {quoted(given)}")
 
@@ -276,7 +272,7 @@ def _changed_fields(instance: Any) -> Iterator[str]:
     """The fields that differ from their defaults, as text."""
     for each in attrs.fields(type(instance)):
         given = getattr(instance, each.name)
-        if not each.repr or _is_default(given, _default_of(each)):
+        if not each.repr or is_default(given, _default_of(each)):
             continue
         text = each.repr(given) if callable(each.repr) else shown(given)
         if text:
@@ -289,23 +285,14 @@ def _default_of(each: attrs.Attribute[Any]) -> object:
     return default.factory() if is_made else default
 
 
-def _is_default(given: object, default: object) -> bool:
-    if isinstance(given, Mapping) and isinstance(default, Mapping):
-        return not given and not default
-    is_array = isinstance(given, np.ndarray)
-    return given is default or (
-        type(given) is type(default) and not is_array and bool(given == default)
-    )
-
-
 def _state(self: Any) -> dict[str, Any]:
-    return {each.name: getattr(self, each.name) for each in attrs.fields(type(self))}
+    return {name: getattr(self, name) for name in field_names(self)}
 
 
 def _restore(self: Any, state: dict[str, Any]) -> None:
     """Set the fields of an unpickled or copied object; they were checked when it was made."""
     for name, given in state.items():
-        object.__setattr__(self, name, _frozen(given))
+        object.__setattr__(self, name, with_read_only_arrays(given))
 
 
 _METHODS: Mapping[str, Callable[..., Any]] = {
@@ -315,101 +302,12 @@ _METHODS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-def _frozen(given: Any) -> Any:
-    if isinstance(given, np.ndarray):
-        given.setflags(write=False)
-    elif isinstance(given, (tuple, FrozenMapping)):
-        for part in given.values() if isinstance(given, FrozenMapping) else given:
-            _frozen(part)
-    return given
-
-
 @cache
 def _types_of(cls: type[Any]) -> Mapping[str, tuple[str, Test]]:
     """For each field the name of its type, and a test of whether a value is of it."""
     hints = get_type_hints(cls)
     return {
-        each.name: (_type_name(hints[each.name]), _test_of(hints[each.name]))
+        each.name: (type_name(hints[each.name]), type_test(hints[each.name]))
         for each in attrs.fields(cls)
         if each.init and each.type is not None
     }
-
-
-def _origin_of(hint: Any) -> Any:
-    """The class of a generic annotation; NumPy 2.5 has `NDArray` as an alias of its own."""
-    origin = get_origin(hint)
-    return np.ndarray if origin is NDArray else origin
-
-
-def _test_of(hint: Any) -> Test:
-    origin, arguments = _origin_of(hint), get_args(hint)
-    if hint is Any:
-        return lambda _: True
-    if origin in (Union, types.UnionType):
-        return _any_of([_test_of(each) for each in arguments])
-    if origin is tuple:
-        return _tuple_of(arguments)
-    if origin is not None and issubclass(origin, Mapping):
-        return _mapping_of(*arguments)
-    return _SIMPLE[hint] if hint in _SIMPLE else _instance_of(origin or hint)
-
-
-def _type_name(hint: Any) -> str:
-    """An annotation without the modules of its classes."""
-    if isinstance(hint, type) and not get_args(hint):
-        return "None" if hint is type(None) else hint.__name__
-    if get_origin(hint) in (Union, types.UnionType):
-        return " or ".join(_type_name(each) for each in get_args(hint))
-    inner = ", ".join("..." if each is ... else _type_name(each) for each in get_args(hint))
-    origin = _origin_of(hint)
-    return f"{origin.__name__}[{inner}]" if origin else str(hint)
-
-
-def _is_number(given: object) -> bool:
-    if isinstance(given, int):
-        return not isinstance(given, bool) and given.bit_length() < MAX_INTEGER_BITS
-    return isinstance(given, (float, np.floating, np.integer)) and not _is_nan(given)
-
-
-def _is_nan(given: object) -> bool:
-    return isinstance(given, (float, np.floating)) and bool(np.isnan(given))
-
-
-def _is_integer(given: object) -> bool:
-    return isinstance(given, (int, np.integer)) and not isinstance(given, bool)
-
-
-def _is_bool(given: object) -> bool:
-    return isinstance(given, (bool, np.bool_))
-
-
-_SIMPLE: Mapping[Any, Test] = {float: _is_number, int: _is_integer, bool: _is_bool, str: is_text}
-
-
-def _instance_of(cls: type[Any]) -> Test:
-    return lambda given: isinstance(given, cls)
-
-
-def _any_of(tests: Collection[Test]) -> Test:
-    return lambda given: any(test(given) for test in tests)
-
-
-def _tuple_of(hints: tuple[Any, ...]) -> Test:
-    if hints[-1] is ...:
-        test = _test_of(hints[0])
-        return lambda given: isinstance(given, tuple) and all(map(test, given))
-    tests = tuple(_test_of(hint) for hint in hints)
-    return lambda given: (
-        isinstance(given, tuple)
-        and len(given) == len(tests)
-        and all(test(each) for test, each in zip(tests, given, strict=True))
-    )
-
-
-def _mapping_of(key: Any, entry: Any) -> Test:
-    is_key, is_entry = _test_of(key), _test_of(entry)
-    return lambda given: (
-        isinstance(given, Mapping)
-        and all(map(is_key, given))
-        and all(map(is_entry, given.values()))
-    )

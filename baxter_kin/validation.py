@@ -151,8 +151,8 @@ def _holds_numbers(given: NDArray[Any]) -> bool:
     return given.dtype.kind == "O" and all(is_number)
 
 
-MOST_BITS = 1024
-"""Of a whole number that a float can hold."""
+MAX_INTEGER_BITS = 1024
+"""Size of an integer that a float can hold."""
 
 Test: TypeAlias = Callable[[object], bool]
 
@@ -188,16 +188,16 @@ def check_fields(value: Any, error: type[BaxterError], *, may_be_nan: tuple[str,
     kind: Any = type(value)
     for name, wanted, test in _tests_of(kind):
         given = getattr(value, name)
-        if not test(given) and not (name in may_be_nan and _is_nan(given)):
+        if not test(given) and not (name in may_be_nan and is_nan(given)):
             raise error(f"{type(value).__name__}.{name} must be {wanted}, got {quoted(given)}")
 
 
 @cache
 def _tests_of(kind: Any) -> tuple[tuple[str, str, Test], ...]:
-    """Of each field its name, what it must be in words, and what tells whether it is."""
+    """For each field its name, the name of its type, and a test of whether a value is of it."""
     hints = get_type_hints(kind)
     return tuple(
-        (field.name, _in_words(hints[field.name]), _test_of(hints[field.name]))
+        (field.name, type_name(hints[field.name]), type_test(hints[field.name]))
         for field in fields(kind)
         if field.init and _origin_of(hints[field.name]) is not np.ndarray
     )
@@ -209,34 +209,39 @@ def _origin_of(hint: Any) -> Any:
     return np.ndarray if origin is NDArray else origin
 
 
-def _test_of(hint: Any) -> Test:
-    origin, given = _origin_of(hint), get_args(hint)
+def type_test(hint: Any) -> Test:
+    """A test of whether a value is of the type that an annotation names."""
+    origin, arguments = _origin_of(hint), get_args(hint)
+    if hint is Any:
+        return lambda _: True
     if origin in (Union, types.UnionType):
-        return _any_of(tuple(_test_of(each) for each in given))
+        return _any_of([type_test(each) for each in arguments])
     if origin is tuple:
-        return _tuple_of(given)
+        return _tuple_of(arguments)
     if origin is not None and issubclass(origin, Mapping):
-        return _mapping_of(*given)
+        return _mapping_of(*arguments)
     return _SIMPLE[hint] if hint in _SIMPLE else _object_of(origin or hint)
 
 
-def _in_words(hint: Any) -> str:
-    """The annotation, shortly: without the modules of its classes."""
+def type_name(hint: Any) -> str:
+    """An annotation without the modules of its classes."""
     if isinstance(hint, type) and not get_args(hint):
         return "None" if hint is type(None) else hint.__name__
     if get_origin(hint) in (Union, types.UnionType):
-        return " or ".join(_in_words(each) for each in get_args(hint))
-    inner = ", ".join("..." if each is ... else _in_words(each) for each in get_args(hint))
-    return f"{_origin_of(hint).__name__}[{inner}]"
+        return " or ".join(type_name(each) for each in get_args(hint))
+    inner = ", ".join("..." if each is ... else type_name(each) for each in get_args(hint))
+    origin = _origin_of(hint)
+    return f"{origin.__name__}[{inner}]" if origin else str(hint)
 
 
 def _is_number(value: object) -> bool:
     if isinstance(value, int):
-        return not isinstance(value, bool) and value.bit_length() < MOST_BITS
-    return isinstance(value, (float, np.floating, np.integer)) and not _is_nan(value)
+        return not isinstance(value, bool) and value.bit_length() < MAX_INTEGER_BITS
+    return isinstance(value, (float, np.floating, np.integer)) and not is_nan(value)
 
 
-def _is_nan(value: object) -> bool:
+def is_nan(value: object) -> bool:
+    """Whether it is a float that is not a number."""
     return isinstance(value, (float, np.floating)) and bool(np.isnan(value))
 
 
@@ -271,15 +276,15 @@ def _object_of(kind: type[Any]) -> Test:
     return lambda value: isinstance(value, kind)
 
 
-def _any_of(tests: tuple[Test, ...]) -> Test:
+def _any_of(tests: list[Test]) -> Test:
     return lambda value: any(test(value) for test in tests)
 
 
 def _tuple_of(kinds: tuple[Any, ...]) -> Test:
     if kinds[-1] is ...:
-        test = _test_of(kinds[0])
+        test = type_test(kinds[0])
         return lambda value: isinstance(value, tuple) and all(map(test, value))
-    tests = tuple(_test_of(kind) for kind in kinds)
+    tests = tuple(type_test(kind) for kind in kinds)
     return lambda value: (
         isinstance(value, tuple)
         and len(value) == len(tests)
@@ -288,7 +293,7 @@ def _tuple_of(kinds: tuple[Any, ...]) -> Test:
 
 
 def _mapping_of(key: Any, entry: Any) -> Test:
-    is_key, is_entry = _test_of(key), _test_of(entry)
+    is_key, is_entry = type_test(key), type_test(entry)
     return lambda value: (
         isinstance(value, Mapping)
         and all(map(is_key, value))

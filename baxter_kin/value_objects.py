@@ -79,16 +79,17 @@ def _remade(cls: Any, values: tuple[Any, ...]) -> Any:
     """An instance with these values of its fields; they were checked when the first was made."""
     made = object.__new__(cls)
     for each, value in zip(fields(cls), values, strict=True):
-        object.__setattr__(made, each.name, _read_only(value))
+        object.__setattr__(made, each.name, with_read_only_arrays(value))
     return made
 
 
-def _read_only(value: Any) -> Any:
+def with_read_only_arrays(value: Any) -> Any:
+    """The same value, its arrays made read-only, also those in tuples and mappings."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, (tuple, FrozenMapping)):
         for part in value.values() if isinstance(value, FrozenMapping) else value:
-            _read_only(part)
+            with_read_only_arrays(part)
     return value
 
 
@@ -198,12 +199,18 @@ def side_of(joint_names: Sequence[str]) -> str:
 def _changed_fields(value: Any) -> Iterator[str]:
     for field in fields(value):
         given = getattr(value, field.name)
-        if field.repr and (field.default is MISSING or not _is_same(given, field.default)):
+        if field.repr and (field.default is MISSING or not is_default(given, field.default)):
             yield f"{field.name}={shown(given)}"
 
 
-def _is_same(given: object, default: object) -> bool:
-    return given is default or (type(given) is type(default) and bool(given == default))
+def is_default(given: object, default: object) -> bool:
+    """Whether the value of a field is that of its default, so that nothing is shown of it."""
+    if isinstance(given, Mapping) and isinstance(default, Mapping):
+        return not given and not default
+    is_array = isinstance(given, np.ndarray)
+    return given is default or (
+        type(given) is type(default) and not is_array and bool(given == default)
+    )
 
 
 def shown(value: object) -> str:
