@@ -196,10 +196,7 @@ def _measured(options: BenchmarkOptions, engine: Engine | None) -> BenchmarkOutc
         contestants = present | contestants
         rows += _rows(options, robot, arm, present, engine)
         if options.with_batch:
-            poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
-            verifier = Verifier(robot, arm)
-            found_batches = (measure_batch(*each, poses, verifier) for each in present.items())
-            batches += [batch for batch in found_batches if batch is not None]
+            batches += _batches(options, arm, Verifier(robot, arm), present)
     return BenchmarkOutcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
 
 
