@@ -28,6 +28,19 @@ LIMITS = JointLimits(
 LEFT, RIGHT = np.array([-1.5, 0.0]), np.array([1.5, 0.1])
 """Either side of `DISC`."""
 
+ARM_LIMITS = JointLimits(
+    tuple(f"joint {i}" for i in range(7)),
+    q_min=np.full(7, -2.0),
+    q_max=np.full(7, 2.0),
+    v_max=np.full(7, 1.5),
+    a_max=np.full(7, 2.0),
+    j_max=np.full(7, 20.0),
+)
+"""Limits of an arm of which only the first two joints matter."""
+
+ARM_LEFT, ARM_RIGHT = (np.array([x, y, *np.zeros(5)]) for x, y in (LEFT, RIGHT))
+"""`LEFT` and `RIGHT` as configurations of that arm."""
+
 
 @dataclass(frozen=True, slots=True)
 class Disc:

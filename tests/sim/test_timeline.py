@@ -68,10 +68,6 @@ def test_it_knows_whether_it_stands_between_ticks() -> None:
     assert clock.is_past_tick
 
 
-TIME_S = 1e-9
-"""Sums of some dozen durations below 10 s."""
-
-
 class TestTelling:
     """Observers."""
 

@@ -166,11 +166,15 @@ def test_links_that_are_not_on_the_root_are_left_out() -> None:
     assert [joint.child for joint in found.joints] == ["arm"]
 
 
-numbers = st.floats(-LARGEST_NUMBER, LARGEST_NUMBER)
-ranges = st.tuples(numbers, numbers).filter(lambda pair: pair[0] < pair[1])
+large_numbers = st.floats(-LARGEST_NUMBER, LARGEST_NUMBER)
+ranges = st.tuples(large_numbers, large_numbers).filter(lambda pair: pair[0] < pair[1])
 
 
-@given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers), ranges)
+@given(
+    st.tuples(large_numbers, large_numbers, large_numbers),
+    st.tuples(large_numbers, large_numbers, large_numbers),
+    ranges,
+)
 def test_a_text_that_is_written_reads_back_the_same(
     xyz: tuple[float, float, float], rpy: tuple[float, float, float], limits: tuple[float, float]
 ) -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Baxter, JointLimits
+from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError
 from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.collision.continuous.proof import prove_clear
@@ -23,6 +23,9 @@ from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world
 from tests.planner.ompl import needs_ompl
 from tests.planner.toy_world import (
+    ARM_LEFT,
+    ARM_LIMITS,
+    ARM_RIGHT,
     AROUND_DISC,
     Disc,
     Ring,
@@ -34,18 +37,9 @@ from tests.planner.walls import DENSE_RAD, Room, wall
 FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
-LIMITS = JointLimits(
-    tuple(f"joint {i}" for i in range(7)),
-    q_min=np.full(7, -2.0),
-    q_max=np.full(7, 2.0),
-    v_max=np.full(7, 1.5),
-    a_max=np.full(7, 2.0),
-    j_max=np.full(7, 20.0),
-)
-LEFT, RIGHT = (np.array([x, y, *np.zeros(5)]) for x, y in (toy_world.LEFT, toy_world.RIGHT))
 
 DISTANT = ToySpace((Disc(0.0, 1.9, 0.2),))
-ENCLOSED = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, 0.1),))
+ENCLOSED = ToySpace((Ring(ARM_RIGHT[0], ARM_RIGHT[1], 0.3, 0.1),))
 
 
 def densely(space: ToySpace) -> IsClear:
@@ -59,8 +53,8 @@ PATIENT_S = 60.0
 def plan(
     space: ToySpace = AROUND_DISC, is_clear: IsClear | None = None, **options: Any
 ) -> Trajectory:
-    start, goal = options.pop("q_start", LEFT), options.pop("q_goal", RIGHT)
-    limits = options.pop("limits", LIMITS)
+    start, goal = options.pop("q_start", ARM_LEFT), options.pop("q_goal", ARM_RIGHT)
+    limits = options.pop("limits", ARM_LIMITS)
     judge = densely(space) if is_clear is None else is_clear
     timed = {"timeout_s": PATIENT_S} | options
     return plan_free_move(start, goal, limits, space, judge, **timed)
@@ -78,7 +72,7 @@ def test_goes_straight_where_that_is_clear() -> None:
 @needs_ompl
 def test_it_is_hardly_slower_than_the_straight_line() -> None:
     """No motion beats that; the disc is passed by joints that have time to spare."""
-    straight = plan_joint_move(LEFT, RIGHT, LIMITS).duration
+    straight = plan_joint_move(ARM_LEFT, ARM_RIGHT, ARM_LIMITS).duration
 
     assert straight <= (plan()).duration <= 1.02 * straight
 
@@ -124,7 +118,7 @@ def test_holds_every_limit_at_the_exact_extrema(seed: int) -> None:
 
     assert max(motion.peak_ratios()) <= 1.0 + RATIO_TOLERANCE
     for q in motion.position_extrema():
-        assert not LIMITS.violations(q, POSITION_TOLERANCE_RAD)
+        assert not ARM_LIMITS.violations(q, POSITION_TOLERANCE_RAD)
 
 
 @needs_ompl
@@ -133,8 +127,8 @@ def test_holds_every_limit_at_the_exact_extrema(seed: int) -> None:
 def test_starts_and_ends_at_rest_exactly_where_asked(seed: int) -> None:
     motion = plan(rng=np.random.default_rng(seed))
 
-    assert np.array_equal(motion.q_start, LEFT)
-    assert np.array_equal(motion.q_goal, RIGHT)
+    assert np.array_equal(motion.q_start, ARM_LEFT)
+    assert np.array_equal(motion.q_goal, ARM_RIGHT)
     assert not np.any([motion.v[0], motion.v[-1], motion.a[0], motion.a[-1]])
 
 
@@ -216,11 +210,11 @@ def test_an_end_nearer_than_the_margin_can_be_left() -> None:
 
 
 def test_a_move_to_where_it_starts_takes_no_time() -> None:
-    assert (plan(q_goal=LEFT)).duration == 0.0
+    assert (plan(q_goal=ARM_LEFT)).duration == 0.0
 
 
 def test_a_move_of_a_billionth_of_a_rad_is_made() -> None:
-    goal = LEFT + 1e-9
+    goal = ARM_LEFT + 1e-9
     motion = plan(q_goal=goal)
 
     assert np.array_equal(motion.q_goal, goal)

@@ -21,10 +21,10 @@ from planner.pick_place.plan_builder import NoSolutionError, free_motion
 from tests.planner import toy_world
 from tests.planner.motion.test_free_move import (
     DISTANT,
-    LIMITS,
     is_straight,
     plan,
 )
+from tests.planner.toy_world import ARM_LIMITS
 from tests.planner.walls import Room, wall
 
 WITHOUT = """
@@ -98,7 +98,7 @@ def test_a_free_move_says_so_where_it_would_have_to_search() -> None:
 def test_a_slower_motion_that_was_found_is_better_than_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    slow = plan_joint_move(LIMITS.q_min, LIMITS.q_max, LIMITS)
+    slow = plan_joint_move(ARM_LIMITS.q_min, ARM_LIMITS.q_max, ARM_LIMITS)
     monkeypatch.setattr(free_move, "led_around", lambda *_, **__: [(slow,)])
     assert plan(is_clear=lambda _: True) is slow
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, IKService, JointLimits
+from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner import StraightLine, Trajectory, plan_joint_move
@@ -32,8 +32,16 @@ from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
 from planner.motion.program.unknowns import MotionTask, Numbers, Phase, Unknowns
 from planner.splines import Sketch
 from tests.conftest import overhead
-from tests.planner import toy_world
-from tests.planner.toy_world import AROUND_DISC, Disc, ToyObstacles, ToySpace, least_distance
+from tests.planner.toy_world import (
+    ARM_LEFT,
+    ARM_LIMITS,
+    ARM_RIGHT,
+    AROUND_DISC,
+    Disc,
+    ToyObstacles,
+    ToySpace,
+    least_distance,
+)
 
 PHASES = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))
 """Phases and hand-overs of a pick and place, on few intervals."""
@@ -165,22 +173,13 @@ def test_what_cannot_be_done_is_told_by_none(left: Arm, q_grasp: FloatArray) -> 
 
 INTERVALS = 20
 
-LIMITS = JointLimits(
-    tuple(f"joint {i}" for i in range(7)),
-    q_min=np.full(7, -2.0),
-    q_max=np.full(7, 2.0),
-    v_max=np.full(7, 1.5),
-    a_max=np.full(7, 2.0),
-    j_max=np.full(7, 20.0),
-)
-LEFT, RIGHT = (np.array([x, y, *np.zeros(5)]) for x, y in (toy_world.LEFT, toy_world.RIGHT))
-TASK = MotionTask(LEFT, q_goal=RIGHT)
+TASK = MotionTask(ARM_LEFT, q_goal=ARM_RIGHT)
 
 MARGIN_M = 0.05
 BESIDE = ToySpace((Disc(0.0, 1.8, 0.5),))
 """A disc that the straight way does not meet."""
 
-STRAIGHT = plan_joint_move(LEFT, RIGHT, LIMITS)
+STRAIGHT = plan_joint_move(ARM_LEFT, ARM_RIGHT, ARM_LIMITS)
 SKETCH = Sketch.of(STRAIGHT, INTERVALS)
 BENT = Sketch(
     SKETCH.q + 0.6 * np.outer(np.sin(np.linspace(0.0, np.pi, INTERVALS + 1)) ** 2, np.eye(7)[1]),
@@ -199,9 +198,9 @@ def around(
     program: MotionProgram, space: ToySpace = AROUND_DISC, enough_s: float = 0.0
 ) -> list[Trajectory]:
     def solve(sketches: Sequence[Sketch], near: Clearances) -> Motions | None:
-        return program.solve(sketches, TASK, None, LIMITS, near)
+        return program.solve(sketches, TASK, None, ARM_LIMITS, near)
 
-    obstacles = ToyObstacles(space.with_margin(MARGIN_M, LEFT, RIGHT))
+    obstacles = ToyObstacles(space.with_margin(MARGIN_M, ARM_LEFT, ARM_RIGHT))
     return [motion for (motion,) in led_around(solve, [obstacles], [BENT], enough_s=enough_s)]
 
 
@@ -235,7 +234,9 @@ def test_what_is_found_keeps_nearly_all_of_the_margin_where_it_is_bounded(
 
 def test_motions_go_from_start_to_goal_within_the_limits(program: MotionProgram) -> None:
     for motion in around(program):
-        np.testing.assert_allclose([motion.q_start, motion.q_goal], [LEFT, RIGHT], atol=1e-9)
+        np.testing.assert_allclose(
+            [motion.q_start, motion.q_goal], [ARM_LEFT, ARM_RIGHT], atol=1e-9
+        )
         assert max(motion.peak_ratios()) <= 1.0 + 1e-9
 
 
@@ -280,7 +281,7 @@ def test_motions_that_stay_in_collision_are_given_up() -> None:
 def test_from_half_of_the_rounds_on_bounds_are_trusted_less_and_less() -> None:
     """Durations that keep changing end after all rounds."""
     slower = [
-        plan_joint_move(LEFT, RIGHT, LIMITS.scaled(share))
+        plan_joint_move(ARM_LEFT, ARM_RIGHT, ARM_LIMITS.scaled(share))
         for share in np.linspace(0.2, 1.0, MAX_ROUNDS)
     ]
     script = Script(*slower)

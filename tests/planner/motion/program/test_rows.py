@@ -118,8 +118,6 @@ def test_where_the_arm_begins_at_speed_it_begins_at_its_start(left: Arm) -> None
 
 SUM_ROUNDING = 1e-12
 
-seeds = st.integers(0, 2**32 - 1)
-
 
 def added(
     seed: int, shape: tuple[int, int], beyond: int = 0
