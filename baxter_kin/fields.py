@@ -1,10 +1,10 @@
 """Immutable value classes: checked fields, read-only arrays, and one line of text.
 
-`value` makes an attrs class that is frozen, has slots and compares by identity. Every argument is
+`frozen` makes an attrs class that is frozen, has slots and compares by identity. Every argument is
 checked once, when an object is made:
 
 ```python
-@value(error=SceneError)
+@frozen(error=SceneError)
 class Attachment:
     body: str
     T_link_body: pin.SE3 = field(converter=checked_pose)
@@ -31,20 +31,22 @@ not ensure.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache, partial
-from typing import Any, TypeAlias, TypeVar, get_type_hints
+from typing import Any, NoReturn, TypeAlias, TypeVar, get_type_hints
 
 import attrs
+import numpy as np
 from attrs import field
 from typing_extensions import dataclass_transform
 
-from baxter_kin.errors import BaxterError, expect_all, quoted
+from baxter_kin.display import is_default, line, quoted, shown
+from baxter_kin.errors import BaxterError, CopyError
 from baxter_kin.validation import (
     FloatArray,
     Test,
+    expect_all,
     finite_scalar,
     float_array,
     is_nan,
@@ -53,22 +55,25 @@ from baxter_kin.validation import (
     type_test,
     whole_scalar,
 )
-from baxter_kin.value_objects import FrozenMapping, is_default, line, shown, with_read_only_arrays
 
 __all__ = [
+    "FrozenMapping",
+    "NotCopied",
     "array",
     "evolve",
     "field",
     "field_names",
+    "frozen",
     "integer",
     "mapping",
     "number_or_nan",
     "scalar",
     "sequence",
-    "value",
 ]
 
 T = TypeVar("T")
+K = TypeVar("K")
+V = TypeVar("V")
 Convert: TypeAlias = Callable[[Any, str, type[BaxterError]], Any]
 
 _CONVERT, _MAY_BE_NAN = "baxter_kin.convert", "baxter_kin.may_be_nan"
@@ -125,12 +130,63 @@ def number_or_nan(**options: Any) -> Any:
     return field(metadata={_MAY_BE_NAN: True}, **options)
 
 
+class FrozenMapping(Mapping[K, V]):
+    """A read-only mapping; unlike `types.MappingProxyType` it can be pickled."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V]) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
+class NotCopied:
+    """Base of classes that hold an open file, a socket or a thread."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse.
+
+        Raises:
+            CopyError: always.
+        """
+        raise CopyError(
+            f"a {type(self).__name__} holds an open file, socket or thread and cannot be pickled or"
+            " copied; make another one where it is needed"
+        )
+
+
+class Frozen:
+    """Base of frozen dataclasses with arrays: these are read-only in a copy as well.
+
+    NumPy forgets that an array is read-only when it is pickled.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        cls: Any = type(self)
+        return _remade, (cls, tuple(getattr(self, each.name) for each in fields(cls)))
+
+
 @dataclass_transform(
     frozen_default=True,
     eq_default=False,
     field_specifiers=(field, array, scalar, integer, mapping, sequence, number_or_nan),
 )
-def value(*, error: type[BaxterError], eq: bool = False) -> Callable[[type[T]], type[T]]:
+def frozen(*, error: type[BaxterError], eq: bool = False) -> Callable[[type[T]], type[T]]:
     """Make an immutable value class.
 
     Args:
@@ -160,7 +216,7 @@ def field_names(instance: object) -> tuple[str, ...]:
     """The names of the fields of a value or dataclass, in order; empty for other objects."""
     cls: Any = type(instance)
     if is_dataclass(cls):
-        return tuple(each.name for each in dataclasses.fields(cls))
+        return tuple(each.name for each in fields(cls))
     return tuple(each.name for each in attrs.fields(cls)) if attrs.has(cls) else ()
 
 
@@ -170,11 +226,11 @@ def _converted(convert: Convert, options: dict[str, Any]) -> Any:
 
 def _with_checks(
     cls: type[Any],  # noqa: ARG001 - attrs passes it
-    fields: list[attrs.Attribute[Any]],
+    attributes: list[attrs.Attribute[Any]],
     *,
     error: type[BaxterError],
 ) -> list[attrs.Attribute[Any]]:
-    return [_with_check(each, error) if each.init else each for each in fields]
+    return [_with_check(each, error) if each.init else each for each in attributes]
 
 
 def _with_check(each: attrs.Attribute[Any], error: type[BaxterError]) -> attrs.Attribute[Any]:
@@ -311,3 +367,21 @@ def _types_of(cls: type[Any]) -> Mapping[str, tuple[str, Test]]:
         for each in attrs.fields(cls)
         if each.init and each.type is not None
     }
+
+
+def _remade(cls: Any, values: tuple[Any, ...]) -> Any:
+    """An instance with these values of its fields; they were checked when the first was made."""
+    made = object.__new__(cls)
+    for each, value in zip(fields(cls), values, strict=True):
+        object.__setattr__(made, each.name, with_read_only_arrays(value))
+    return made
+
+
+def with_read_only_arrays(value: Any) -> Any:
+    """The same value, its arrays made read-only, also those in tuples and mappings."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, (tuple, FrozenMapping)):
+        for part in value.values() if isinstance(value, FrozenMapping) else value:
+            with_read_only_arrays(part)
+    return value

@@ -33,16 +33,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import (
-    LONGEST_NAME,
-    PoseError,
-    QuaternionOrderWarning,
-    UnknownNameError,
-    expect,
-    quoted,
-)
-from baxter_kin.validation import FloatArray, finite_array, is_text
-from baxter_kin.value_objects import OneLine, numbers, phrase, position
+from baxter_kin.display import MAX_NAME, OneLine, numbers, phrase, position, quoted
+from baxter_kin.errors import PoseError, QuaternionOrderWarning, UnknownNameError
+from baxter_kin.validation import FloatArray, expect, finite_array, is_text
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
@@ -99,9 +92,9 @@ class NamedFrame(OneLine):
     T_base_frame: pin.SE3
 
     def __post_init__(self) -> None:
-        if not is_text(self.name) or not 0 < len(self.name) <= LONGEST_NAME:
+        if not is_text(self.name) or not 0 < len(self.name) <= MAX_NAME:
             raise PoseError(
-                f"a frame needs a name of 1 .. {LONGEST_NAME} characters, got {quoted(self.name)}"
+                f"a frame needs a name of 1 .. {MAX_NAME} characters, got {quoted(self.name)}"
             )
         if self.name in [each.value for each in Frame]:
             raise PoseError(

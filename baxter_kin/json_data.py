@@ -25,7 +25,8 @@ from cattrs import BaseValidationError, Converter, ForbiddenExtraKeysError, gen,
 from cattrs.cols import homogenous_tuple_structure_factory
 from numpy.typing import NDArray
 
-from baxter_kin.errors import LONGEST_NAME, BaxterError, quoted, shortened
+from baxter_kin.display import MAX_NAME, quoted, shortened
+from baxter_kin.errors import BaxterError
 from baxter_kin.json_text import Json, UnfitError
 from baxter_kin.validation import FloatArray
 
@@ -79,7 +80,7 @@ def unchecked(value: Any, hint: Any) -> Any:
 
 def shown(value: object) -> str:
     """A value in a message, cut to a readable length."""
-    return quoted(value, LONGEST_NAME)
+    return quoted(value, MAX_NAME)
 
 
 def _told(cause: Exception, what: str) -> str:

@@ -7,7 +7,8 @@ import math
 from collections import Counter
 from typing import Any, TypeAlias
 
-from baxter_kin.errors import LONGEST_NAME, BaxterError, quoted, shortened
+from baxter_kin.display import MAX_NAME, quoted, shortened
+from baxter_kin.errors import BaxterError
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 
@@ -67,13 +68,13 @@ def from_text(text: str | bytes, error: type[BaxterError]) -> Json:
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise UnfitError(f"has {shortened(text, LONGEST_NAME)} where a finite number must be")
+        raise UnfitError(f"has {shortened(text, MAX_NAME)} where a finite number must be")
     return number
 
 
 def _short(text: str) -> int:
     if len(text.lstrip("-")) > LONGEST_INTEGER:
-        raise UnfitError(f"has an integer too large: {quoted(text, LONGEST_NAME)}")
+        raise UnfitError(f"has an integer too large: {quoted(text, MAX_NAME)}")
     return int(text)
 
 
@@ -81,5 +82,5 @@ def _without_duplicates(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
     entries = dict(pairs)
     if len(entries) < len(pairs):
         ((double, _),) = Counter(name for name, _ in pairs).most_common(1)
-        raise UnfitError(f"has the entry {quoted(double, LONGEST_NAME)} twice")
+        raise UnfitError(f"has the entry {quoted(double, MAX_NAME)} twice")
     return entries

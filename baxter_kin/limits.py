@@ -24,17 +24,11 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import (
-    ConfigurationError,
-    LimitsError,
-    UnknownNameError,
-    degrees_hint,
-    expect,
-    quoted,
-    shortened,
-)
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
-from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase
+from baxter_kin.display import OneLine, count, phrase, quoted, shortened
+from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
+from baxter_kin.fields import Frozen, FrozenMapping
+from baxter_kin.hints import degrees_hint
+from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, positive_scalar
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""

@@ -8,22 +8,16 @@ from collections.abc import Mapping
 import pinocchio as pin
 
 from baxter_kin.description import HandMount, RobotDescription, UrdfSource
-from baxter_kin.errors import (
-    BaxterError,
-    ConfigurationError,
-    DescriptionError,
-    UnknownNameError,
-    expect,
-)
-from baxter_kin.fields import value
+from baxter_kin.display import count
+from baxter_kin.errors import BaxterError, ConfigurationError, DescriptionError, UnknownNameError
+from baxter_kin.fields import FrozenMapping, frozen
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
-from baxter_kin.validation import FloatArray, finite_array
-from baxter_kin.value_objects import FrozenMapping, count
+from baxter_kin.validation import FloatArray, expect, finite_array
 
 logger = logging.getLogger(__name__)
 
 
-@value(error=DescriptionError)
+@frozen(error=DescriptionError)
 class Baxter:
     """The whole robot.
 

@@ -21,20 +21,36 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
+from enum import Enum
 from functools import cache
-from typing import Any, ClassVar, TypeAlias, TypeGuard, Union, get_args, get_origin, get_type_hints
+from itertools import islice
+from typing import (
+    Any,
+    ClassVar,
+    TypeAlias,
+    TypeGuard,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import BaxterError, quoted
+from baxter_kin.display import quoted
+from baxter_kin.errors import BaxterError, UnknownNameError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.intp]
 
-MOST_NUMBERS = 10**8
+MAX_ITEMS = 1_000_000
+"""Longest sequence; one that never ends is refused after some megabytes."""
+
+MAX_RANGE = 10**8
 """What an array made of a range may have; of other values they are in memory already."""
 
 
@@ -125,8 +141,8 @@ def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Float
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise error(f"{what} has masked entries; give every number, or NaN where that is allowed")
-    if isinstance(values, range) and len(values) > MOST_NUMBERS:
-        raise error(f"{what} has {len(values)} numbers; up to {MOST_NUMBERS} are taken")
+    if isinstance(values, range) and len(values) > MAX_RANGE:
+        raise error(f"{what} has {len(values)} numbers; up to {MAX_RANGE} are taken")
     try:
         given = np.asarray(values)
         if given.dtype.kind not in "iuf" and not _holds_numbers(given):
@@ -155,6 +171,54 @@ MAX_INTEGER_BITS = 1024
 """Size of an integer that a float can hold."""
 
 Test: TypeAlias = Callable[[object], bool]
+
+
+T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
+
+
+def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
+    """`value`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when it is of another.
+    """
+    if not isinstance(value, kind):
+        raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
+    """All `values`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when they are no sequence, one is of another class, or they
+            are more than `MAX_ITEMS`.
+    """
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
+        raise error(f"{what} must be a sequence, got {type(values).__name__}")
+    first = islice(values, MAX_ITEMS + 1)
+    checked = tuple(expect(value, kind, f"each of {what}", error) for value in first)
+    if len(checked) > MAX_ITEMS:
+        raise error(f"{what} are more than {MAX_ITEMS}, or never end; give fewer")
+    return checked
+
+
+def member_of(choices: type[E], kind: str, name: object) -> E:
+    """The member of an enumeration of names that has that name.
+
+    Args:
+        choices: the enumeration.
+        kind: what it lists, such as "frame".
+        name: its value, or the member itself.
+
+    Raises:
+        UnknownNameError: when there is none.
+    """
+    try:
+        return choices(name)
+    except ValueError:
+        raise UnknownNameError(kind, name, [each.value for each in choices]) from None
 
 
 class Checked:

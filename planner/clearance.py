@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from baxter_kin.display import OneLine, clear, millimetres, seconds, sentence
 from baxter_kin.validation import Checked, finite_scalar
-from baxter_kin.value_objects import OneLine, clear, millimetres, seconds, sentence
 from planner.errors import MotionError, SceneError
 
 SHOWN_M = 5e-5

@@ -17,8 +17,8 @@ from typing import TypeGuard
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
+from baxter_kin.validation import expect
 from planner.collision.context import CollisionContext
 from planner.collision.distances import RESOLUTION_M
 from planner.errors import TaskError

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, LimitsError, expect
-from baxter_kin.fields import evolve, field, value
-from baxter_kin.validation import FloatArray, finite_array, float_array, read_only
-from baxter_kin.value_objects import millimetres
+from baxter_kin.display import millimetres
+from baxter_kin.errors import ConfigurationError, LimitsError
+from baxter_kin.fields import evolve, field, frozen
+from baxter_kin.validation import FloatArray, expect, finite_array, float_array, read_only
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.robot.robot_body import RobotBody, identity_of
@@ -31,7 +31,7 @@ def _finite(given: ArrayLike) -> FloatArray:
     return read_only(q_others, "q_others", ConfigurationError)
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class Manipulator:
     """Everything needed to plan for one arm.
 

@@ -12,23 +12,16 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
-from baxter_kin.fields import evolve, field, sequence, value
+from baxter_kin.display import clear, count, millimetres, phrase, seconds, sentence
+from baxter_kin.errors import ConfigurationError, UnknownNameError
+from baxter_kin.fields import FrozenMapping, evolve, field, frozen, sequence
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import (
     FloatArray,
+    expect,
     finite_array,
     finite_scalar,
     float_array,
-)
-from baxter_kin.value_objects import (
-    FrozenMapping,
-    clear,
-    count,
-    millimetres,
-    phrase,
-    seconds,
-    sentence,
 )
 from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousProof, least
 from planner.collision.context import CollisionContext
@@ -54,7 +47,7 @@ def _finite_numbers(given: object) -> FrozenMapping[str, float]:
     )
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class Claim:
     """A property that a move is stated to have, for which `Move` has no field.
 
@@ -76,7 +69,7 @@ class Claim:
         return phrase(self.kind), *(f"{name} {value:g}" for name, value in self.values.items())
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class Move:
     """A motion of the arm to a waypoint.
 
@@ -141,7 +134,7 @@ class GripperAction(str, Enum):
     CLOSE = "close"
 
 
-@value(error=TaskError, eq=True)
+@frozen(error=TaskError, eq=True)
 class Grip:
     """The gripper opens or closes.
 
@@ -190,7 +183,7 @@ class Grip:
 Step: TypeAlias = Move | Grip
 
 
-@value(error=TaskError, eq=True)
+@frozen(error=TaskError, eq=True)
 class PlanFailure:
     """Why there is no plan; `str()` of it is one sentence.
 
@@ -229,7 +222,7 @@ class PlanFailure:
         return (sentence(self),)
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class Plan:
     """Steps in order. An invalid plan states the reason and must not be executed.
 
@@ -376,7 +369,7 @@ MAX_NAMED = 3
 """Maximum number of pairs named in the sentence; the data has all."""
 
 
-@value(error=TaskError, eq=True)
+@frozen(error=TaskError, eq=True)
 class CollisionCount:
     """How often two things collide.
 
@@ -406,7 +399,7 @@ class CollisionCount:
         return f"{self.first} with {self.second}, at best {gap}"
 
 
-@value(error=TaskError, eq=True)
+@frozen(error=TaskError, eq=True)
 class CollisionSummary:
     """How many solutions of a waypoint collide; `str()` of it is one sentence.
 

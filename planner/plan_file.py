@@ -28,13 +28,13 @@ from typing import Any, TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.errors import FileError, shown_path
-from baxter_kin.fields import evolve
+from baxter_kin.display import shown_path
+from baxter_kin.errors import FileError
+from baxter_kin.fields import FrozenMapping, evolve
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.value_objects import FrozenMapping
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
 from planner.scene.attachment import Attachment

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, expect_all
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import FrozenMapping, OneLine, listing
+from baxter_kin.display import OneLine, listing
+from baxter_kin.fields import FrozenMapping
+from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar
 from planner.errors import SceneError, TaskError
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene

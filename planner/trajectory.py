@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import expect, expect_all, quoted
-from baxter_kin.fields import array, value
-from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
-from baxter_kin.value_objects import count, line, seconds, shown, side_of
+from baxter_kin.display import count, line, quoted, seconds, shown, side_of
+from baxter_kin.fields import array, frozen
+from baxter_kin.validation import FloatArray, Indices, expect, expect_all, finite_array, float_array
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
@@ -45,7 +44,7 @@ class PeakRatios(NamedTuple):
     jerk: float
 
 
-@value(error=TrajectoryError)
+@frozen(error=TrajectoryError)
 class Trajectory:
     """A motion of n joints over m segments of constant jerk.
 

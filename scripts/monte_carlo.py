@@ -31,11 +31,11 @@ from baxter_kin.command_line import (
     part,
     whole_number,
 )
+from baxter_kin.display import count
 from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.files import replace_file
 from baxter_kin.parallel import Engine, EngineError
-from baxter_kin.value_objects import count
 from sim import Noise
 from sim.demo.noisy_runs import NoisyResult, NoisyRun, result_of
 

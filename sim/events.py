@@ -9,11 +9,10 @@ from typing import TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.errors import quoted
-from baxter_kin.fields import array, field, mapping, scalar, value
+from baxter_kin.display import OneLine, count, phrase, quoted, seconds
+from baxter_kin.fields import array, field, frozen, mapping, scalar
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, count, phrase, seconds
 from planner import Body, Move, State
 from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
@@ -46,7 +45,7 @@ Detail: TypeAlias = Contact | Push | Grasp | Miss | Rest
 """The facts of a hit, a push, a grasp, a miss, or of coming to rest."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Event:
     """Something that happened.
 
@@ -85,7 +84,7 @@ class Event:
         return seconds(self.time_s), self.kind.value, phrase(self.text)
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Snapshot:
     """The world at one tick.
 

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from baxter_kin import files
-from baxter_kin.errors import FileError, shown_path
+from baxter_kin.display import OneLine, phrase, shown_path
+from baxter_kin.errors import FileError
+from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike, open_to_read, open_to_write
-from baxter_kin.value_objects import NotCopied, OneLine, phrase
 from sim.errors import RecordingError
 
 LONGEST_LINE_BYTES = 64 * 2**20

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from baxter_kin.fields import field, scalar, value
-from baxter_kin.value_objects import count, millimetres, phrase, seconds, sentence
+from baxter_kin.display import count, millimetres, phrase, seconds, sentence
+from baxter_kin.fields import field, frozen, scalar
 from sim.errors import SimulationError
 from sim.world.contacts import Contact
 
@@ -15,7 +15,7 @@ LONGEST_DWELL_S = 60.0
 """Longer ones are mistakes."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Dwell:
     """Pauses after gripper actions; none by default, where the original waits a second.
 
@@ -28,7 +28,7 @@ class Dwell:
     after_release_s: float = scalar(least=0.0, default=0.0)
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Outcome:
     """How the execution of a plan ended.
 

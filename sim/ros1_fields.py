@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from sim.errors import RosMessageError
 
 if TYPE_CHECKING:  # an extra

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from baxter_kin.display import OneLine, quoted
 from baxter_kin.distribution.extras import run_to_install_extra
-from baxter_kin.errors import expect, quoted
-from baxter_kin.value_objects import OneLine
+from baxter_kin.validation import expect
 from sim.errors import RosError, RosMessageError
 from sim.ros1_fields import Message, MessageMaker
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baxter_kin.display import OneLine, seconds
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, seconds
 from sim.events import Observer
 
 

@@ -18,9 +18,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from baxter_kin.errors import expect
-from baxter_kin.validation import finite_scalar
-from baxter_kin.value_objects import OneLine, seconds
+from baxter_kin.display import OneLine, seconds
+from baxter_kin.validation import expect, finite_scalar
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot.robot_body import identity_of
 from planner.plan import Step

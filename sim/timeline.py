@@ -8,9 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.errors import expect_all
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, positive_scalar
+from baxter_kin.validation import FloatArray, expect_all, positive_scalar
 from planner import Body, Move
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot

@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve
+from baxter_kin.fields import FrozenMapping, evolve
 from baxter_kin.frames import PoseLike
-from baxter_kin.value_objects import FrozenMapping
 from planner import Body, Hand
 from planner.collision.robot.robot_body import LinkBody, RobotBody, Triangulated
 from planner.grasping import Grasp

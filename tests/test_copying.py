@@ -29,8 +29,7 @@ import sim.recording
 import sim.world
 from baxter_kin import Arm, Baxter, BaxterError, ElectricGripper, IKService, NamedFrame, StampedPose
 from baxter_kin.errors import CopyError, UnknownNameError
-from baxter_kin.fields import field_names
-from baxter_kin.value_objects import FrozenMapping
+from baxter_kin.fields import FrozenMapping, field_names
 from planner import (
     Manipulator,
     PickAndPlace,

@@ -25,8 +25,8 @@ import sim.perception
 import sim.recording
 import sim.world
 from baxter_kin import Arm, Baxter, IKFailure, IKResult, IKService, JointLimits, SeedType, ik
+from baxter_kin.display import MAX_LINE, OneLine, clear, line, millimetres, numbers, seconds
 from baxter_kin.fields import evolve
-from baxter_kin.value_objects import LONGEST, OneLine, clear, line, millimetres, numbers, seconds
 from planner import Body, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene, Sphere
 from planner.collision import Clearance
 from sim import Recorder, Simulation, World
@@ -72,7 +72,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 def test_every_public_class_is_shown_in_one_short_line(name: str, stage: Any) -> None:
     shown = repr(stage[name])
     assert shown.isprintable()
-    assert len(shown) <= LONGEST
+    assert len(shown) <= MAX_LINE
     assert shown.removeprefix("<").startswith((f"{name}(", f"{name}."))
     assert " at 0x" not in shown
     assert "array(" not in shown
@@ -229,7 +229,7 @@ def test_odd_names_and_numbers_are_shown_too(
     for each in odd:
         shown = repr(each)
         assert shown.startswith(f"{type(each).__name__}(")
-        assert len(shown) <= LONGEST
+        assert len(shown) <= MAX_LINE
         assert len(shown.splitlines()) == 1
 
 
@@ -249,7 +249,7 @@ def test_a_reason_is_left_out_in_one_place_between_words(left: Arm) -> None:
 @given(st.lists(st.text()))
 def test_a_line_is_one_and_short(facts: list[str]) -> None:
     shown = line("Thing", facts)
-    assert len(shown) <= LONGEST
+    assert len(shown) <= MAX_LINE
     assert len(shown.splitlines()) == 1
     assert shown.startswith("Thing(")
 

@@ -25,10 +25,12 @@ import pinocchio as pin
 
 from baxter_kin.description.calibration import SIDES, finger_joints, origin_of, without_hands
 from baxter_kin.description.urdf import JointKind, ShapeKind, Urdf, UrdfJoint, UrdfShape, below
-from baxter_kin.errors import ConfigurationError, DescriptionError, millimetres_hint, quoted
+from baxter_kin.display import OneLine, count, position, quoted
+from baxter_kin.errors import ConfigurationError, DescriptionError
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.frames import checked_pose
+from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import check_fields
-from baxter_kin.value_objects import FrozenMapping, OneLine, count, position
 
 FIRST_SLOT_M, SLOT_M = -0.011, 0.0095
 """Where the first slot of the carriage that opens along +y is along y, and the next from it:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from baxter_kin.description.calibration import SIDES, hand_links
 from baxter_kin.description.urdf import Urdf, UrdfJoint, UrdfShape
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import check_fields
-from baxter_kin.value_objects import FrozenMapping
 
 SHOWN_M = 5e-8
 """Of how far two joints are apart, what is less is not said in numbers."""

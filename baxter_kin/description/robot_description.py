@@ -34,8 +34,9 @@ from baxter_kin.description.hands import (
 from baxter_kin.description.identity import RobotIdentity
 from baxter_kin.description.urdf import Urdf, read_urdf
 from baxter_kin.description.xml_text import MAX_TEXT_BYTES, read_xml
+from baxter_kin.display import quoted, shown_path
 from baxter_kin.distribution.extras import run_to_install
-from baxter_kin.errors import DescriptionError, FileError, quoted, shown_path
+from baxter_kin.errors import DescriptionError, FileError
 from baxter_kin.files import open_to_read
 
 UrdfSource: TypeAlias = "str | bytes | os.PathLike[str]"

@@ -19,9 +19,10 @@ from typing import TypeAlias
 from xml.sax.saxutils import quoteattr
 
 from baxter_kin.description.xml_text import Element, read_xml
-from baxter_kin.errors import LONGEST_NAME, DescriptionError, quoted, shortened
+from baxter_kin.display import MAX_NAME, quoted, shortened
+from baxter_kin.errors import DescriptionError
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import check_fields
-from baxter_kin.value_objects import FrozenMapping
 
 Triple: TypeAlias = "tuple[float, float, float]"
 
@@ -324,7 +325,7 @@ def read_urdf(text: str | bytes, root: str) -> Urdf:
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in links:
-                name = quoted(link, LONGEST_NAME)
+                name = quoted(link, MAX_NAME)
                 raise DescriptionError(
                     f"its joint {joint.name} names a link {name}, which it lacks"
                 )
@@ -334,12 +335,12 @@ def read_urdf(text: str | bytes, root: str) -> Urdf:
 def _checked_robot(root: Element) -> Element:
     if root.name != "robot":
         raise DescriptionError(
-            f"its root is <{shortened(root.name, LONGEST_NAME)}>, that of a URDF is <robot>"
+            f"its root is <{shortened(root.name, MAX_NAME)}>, that of a URDF is <robot>"
         )
     for child in root.children:
         if child.name.startswith("xacro:"):
             raise DescriptionError(
-                f"it holds <{shortened(child.name, LONGEST_NAME)}>, so it is xacro: {_RUN_XACRO}"
+                f"it holds <{shortened(child.name, MAX_NAME)}>, so it is xacro: {_RUN_XACRO}"
             )
     for kind in ("link", "joint"):
         count = sum(1 for _ in root.all(kind))
@@ -352,11 +353,11 @@ def _name(element: Element) -> str:
     name = element.attributes.get("name", "")
     if any(sign in name for sign in _XACRO_SIGNS):
         raise DescriptionError(
-            f"it has a {element.name} {quoted(name, LONGEST_NAME)}, so it is xacro: {_RUN_XACRO}"
+            f"it has a {element.name} {quoted(name, MAX_NAME)}, so it is xacro: {_RUN_XACRO}"
         )
     if not name.isprintable() or not name.strip() or len(name) > MAX_NAME_LENGTH:
         raise DescriptionError(
-            f"it has a {element.name} of the name {quoted(name, LONGEST_NAME)}; names have 1 to "
+            f"it has a {element.name} of the name {quoted(name, MAX_NAME)}; names have 1 to "
             f"{MAX_NAME_LENGTH} printable characters"
         )
     return name
@@ -403,7 +404,7 @@ def _shape(name: str, element: Element) -> UrdfShape:
     if len(kinds) != 1 or kinds[0].name not in _LENGTHS:
         given = ", ".join(kind.name for kind in kinds) or "nothing"
         raise DescriptionError(
-            f"its link {name} has a shape of {shortened(given, LONGEST_NAME)}; it must be one "
+            f"its link {name} has a shape of {shortened(given, MAX_NAME)}; it must be one "
             "mesh, box, cylinder or sphere"
         )
     (kind,) = kinds
@@ -424,7 +425,7 @@ def _lengths(name: str, shape: Element, key: str, count: int) -> tuple[float, ..
     if len(lengths) != count or min(lengths) <= 0.0:
         raise DescriptionError(
             f"its link {name} has a <{shape.name}> with {key} "
-            f"{quoted(shape.attributes.get(key, ''), LONGEST_NAME)}; lengths above zero, in m, are "
+            f"{quoted(shape.attributes.get(key, ''), MAX_NAME)}; lengths above zero, in m, are "
             f"needed: {count}"
         )
     return lengths
@@ -433,7 +434,7 @@ def _lengths(name: str, shape: Element, key: str, count: int) -> tuple[float, ..
 def _kind(name: str, written: str) -> JointKind:
     if written not in {kind.value for kind in JointKind}:
         raise DescriptionError(
-            f"its joint {name} is of type {quoted(written, LONGEST_NAME)}; the joints of Baxter "
+            f"its joint {name} is of type {quoted(written, MAX_NAME)}; the joints of Baxter "
             "are fixed, revolute or prismatic"
         )
     return JointKind(written)
@@ -476,7 +477,7 @@ def _triple(what: str, element: Element | None, key: str, otherwise: Triple) -> 
     words = element.attributes[key].split()
     if len(words) != 3:
         raise DescriptionError(
-            f"its {what} has {key} {quoted(element.attributes[key], LONGEST_NAME)}; three "
+            f"its {what} has {key} {quoted(element.attributes[key], MAX_NAME)}; three "
             "numbers are needed"
         )
     x, y, z = (_parsed(what, key, word) for word in words)
@@ -493,12 +494,12 @@ def _number(what: str, element: Element, key: str, otherwise: str | None = None)
 def _parsed(what: str, key: str, word: str) -> float:
     if any(sign in word for sign in _XACRO_SIGNS):
         raise DescriptionError(
-            f"its {what} has {key} {quoted(word, LONGEST_NAME)}, so it is xacro: {_RUN_XACRO}"
+            f"its {what} has {key} {quoted(word, MAX_NAME)}, so it is xacro: {_RUN_XACRO}"
         )
     value = float(word) if _NUMBER.fullmatch(word) else math.nan
     if not abs(value) <= LARGEST_NUMBER:
         raise DescriptionError(
-            f"its {what} has {key} {quoted(word, LONGEST_NAME)}; it must be a finite number "
+            f"its {what} has {key} {quoted(word, MAX_NAME)}; it must be a finite number "
             f"up to {LARGEST_NUMBER:g}"
         )
     return value + 0.0  # so that zero has no sign

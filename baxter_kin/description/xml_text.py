@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from baxter_kin.errors import LONGEST_NAME, DescriptionError, quoted, shortened
+from baxter_kin.display import MAX_NAME, quoted, shortened
+from baxter_kin.errors import DescriptionError
 
 MAX_TEXT_BYTES = 4 * 2**20
 """The URDF of example-robot-data has 0.05 MB, of which most are shapes."""
@@ -102,7 +103,7 @@ class _Reader:
         self._count += 1
         if len(self._open) > MAX_NESTING or self._count > MAX_ELEMENTS:
             raise DescriptionError(
-                f"its element {quoted(name, LONGEST_NAME)} is nested too deeply or one of "
+                f"its element {quoted(name, MAX_NAME)} is nested too deeply or one of "
                 f"too many; read are {MAX_NESTING} inside of each other, {MAX_ELEMENTS} in all"
             )
         element = Element(name, attributes)
@@ -119,6 +120,6 @@ class _Reader:
 
     def refuse(self, name: str, *_: object) -> None:
         raise DescriptionError(
-            f"it declares a document type, {quoted(name, LONGEST_NAME)}, and so may declare "
+            f"it declares a document type, {quoted(name, MAX_NAME)}, and so may declare "
             "entities; a URDF needs none: take that declaration out"
         )

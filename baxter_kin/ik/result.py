@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.display import OneLine, sentence, side_of
+from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import Frozen, FrozenMapping
 from baxter_kin.ik.seeds import SeedType
-from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar
-from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, sentence, side_of
+from baxter_kin.validation import FloatArray, check_fields, expect, finite_array, finite_scalar
 
 POSITION_TOLERANCE_M = 1e-6
 ORIENTATION_TOLERANCE_RAD = 1e-6

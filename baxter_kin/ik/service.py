@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import ConfigurationError, RequestError, expect
+from baxter_kin.display import OneLine
+from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search.batch import Batch, Solver, Solvers
@@ -28,8 +29,7 @@ from baxter_kin.ik.self_motion.pieces import all_pieces
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, float_array
-from baxter_kin.value_objects import OneLine
+from baxter_kin.validation import FloatArray, expect, float_array
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""

@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import ConfigurationError, RequestError, expect
+from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.reach.closed_form import ClosedForm
 from baxter_kin.ik.self_motion.pieces import STARTS, all_pieces, pieces_through
@@ -23,7 +23,7 @@ from baxter_kin.ik.self_motion.solution_curve import POSE_MISMATCH, SolutionCurv
 from baxter_kin.ik.self_motion.tracing import STEP_RAD, SelfMotion, checked_step
 from baxter_kin.ik.service import IKService
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, whole_scalar
+from baxter_kin.validation import FloatArray, expect, whole_scalar
 
 MAX_CANDIDATES = 2_000
 """How many candidates may come, and so how many starts: a second or two of work."""

@@ -18,10 +18,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import RequestError, UnknownNameError, degrees_hint, expect, quoted
+from baxter_kin.display import OneLine, quoted
+from baxter_kin.errors import RequestError, UnknownNameError
+from baxter_kin.hints import degrees_hint
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, finite_scalar, float_array
-from baxter_kin.value_objects import OneLine
+from baxter_kin.validation import FloatArray, expect, finite_scalar, float_array
 
 AXES = ("x", "y", "z")
 

@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import DescriptionError, RequestError, expect
+from baxter_kin.errors import DescriptionError, RequestError
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, expect
 
 MIN_TWIST_SINE = 0.5
 """Neighbouring axes nearer to parallel than 30 degrees are no Baxter's."""

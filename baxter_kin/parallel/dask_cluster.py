@@ -16,8 +16,9 @@ from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from baxter_kin.display import OneLine, count, shortened
 from baxter_kin.distribution.extras import run_to_install_extra
-from baxter_kin.errors import MissingLibraryError, RequestError, shortened
+from baxter_kin.errors import MissingLibraryError, RequestError
 from baxter_kin.parallel.engine import (
     MAX_WORKERS,
     Answer,
@@ -30,7 +31,6 @@ from baxter_kin.parallel.engine import (
     packed,
 )
 from baxter_kin.validation import positive_scalar, whole_scalar
-from baxter_kin.value_objects import OneLine, count
 
 if TYPE_CHECKING:
     from distributed import Client

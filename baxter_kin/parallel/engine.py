@@ -23,9 +23,9 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Protocol, TypeAlias, TypeVar
 
-from baxter_kin.errors import BaxterError, RequestError, shortened
+from baxter_kin.display import OneLine, count, shortened
+from baxter_kin.errors import BaxterError, RequestError
 from baxter_kin.validation import whole_scalar
-from baxter_kin.value_objects import OneLine, count
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, BaxterError, IKResult
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from baxter_kin.validation import FloatArray
 
 T = TypeVar("T")

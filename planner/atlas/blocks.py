@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.display import OneLine, count
 
 Block: TypeAlias = tuple[int, int, int, int]
 """Index of the arm, then of the block along x, y and z."""

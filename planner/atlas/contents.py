@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine
 from planner.atlas.blocks import Block
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, UNDECIDED, UNREACHABLE

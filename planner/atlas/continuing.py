@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from baxter_kin.display import shown_path
 from baxter_kin.distribution.software import difference, versions
-from baxter_kin.errors import shown_path
 from planner.errors import AtlasError
 
 

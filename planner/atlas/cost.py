@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from baxter_kin import Baxter
+from baxter_kin.display import OneLine, count
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.validation import FloatArray, positive_scalar, whole_scalar
-from baxter_kin.value_objects import OneLine, count
 from planner.atlas.blocks import Block
 from planner.atlas.map_files import stored_bytes
 from planner.atlas.positions import PositionGrid

@@ -29,8 +29,9 @@ from typing import Any
 
 import numpy as np
 
+from baxter_kin.display import shown_path
 from baxter_kin.distribution.extras import run_to_install, run_to_install_extra
-from baxter_kin.errors import MissingLibraryError, shown_path
+from baxter_kin.errors import MissingLibraryError
 from planner.atlas.blocks import REACH_MAP, Block, Chunked, Layout
 from planner.errors import AtlasError
 

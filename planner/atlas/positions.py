@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve, integer, scalar, value
+from baxter_kin.fields import evolve, frozen, integer, scalar
 from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.validation import (
     FloatArray,
@@ -31,7 +31,7 @@ LEAST_BLOCKS = 4096
 """How many there must be of those that are larger than `BLOCK_EDGE`, so that workers share them."""
 
 
-@value(error=AtlasError, eq=True)
+@frozen(error=AtlasError, eq=True)
 class PositionGrid:
     """Points `step_m * (first + (i, j, k))` of base, for i, j, k from zero to below `shape`.
 

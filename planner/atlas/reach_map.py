@@ -12,12 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.display import OneLine, shown_path
 from baxter_kin.distribution.software import kind_of_machine, versions
-from baxter_kin.errors import UnknownNameError, shown_path
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine
 from planner.atlas.blocks import REACH_MAP, Block, Blocks, Chunked
 from planner.atlas.cell import STATUSES, Cell
 from planner.atlas.map_files import (

@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.fields import array, value
+from baxter_kin.display import count
+from baxter_kin.fields import array, frozen
 from baxter_kin.frames import nearest_rotation
 from baxter_kin.validation import FloatArray, finite_array, whole_scalar
-from baxter_kin.value_objects import count
 from planner.errors import AtlasError
 
 FINEST_HOPF = 4
@@ -28,7 +28,7 @@ MOST_ROTATIONS = 300_000
 _ORTHONORMAL = 1e-6
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class RotationGrid:
     """d directions times k rolls, in this order: rotation i is direction i // k with roll i % k.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from baxter_kin.errors import shown_path
+from baxter_kin.display import shown_path
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
 

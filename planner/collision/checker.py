@@ -11,9 +11,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.errors import ConfigurationError, expect
-from baxter_kin.validation import FloatArray, Indices, finite_array
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.display import OneLine, count
+from baxter_kin.errors import ConfigurationError
+from baxter_kin.validation import FloatArray, Indices, expect, finite_array
 from planner.clearance import Clearance
 from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.distances import UNKNOWN_DEPTH_M

@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import ConfigurationError, expect
-from baxter_kin.validation import FloatArray, finite_array, float_array
-from baxter_kin.value_objects import OneLine, millimetres
+from baxter_kin.display import OneLine, millimetres
+from baxter_kin.errors import ConfigurationError
+from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 from planner.clearance import Clearance, ContinuousResult, checked_margin_m
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.proof import prove_clear

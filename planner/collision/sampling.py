@@ -9,8 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray, positive_scalar
+from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.errors import TrajectoryError
 from planner.trajectory import Trajectory
 

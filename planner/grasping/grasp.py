@@ -20,9 +20,9 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import millimetres_hint
+from baxter_kin.display import OneLine, millimetres, sentence
+from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import Checked, FloatArray
-from baxter_kin.value_objects import OneLine, millimetres, sentence
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from planner.scene.contact import travel_to_contact

@@ -15,10 +15,10 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.description.calibration import finger_joints
-from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.display import OneLine
+from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import Checked, finite_scalar
-from baxter_kin.value_objects import OneLine
+from baxter_kin.validation import Checked, expect, finite_scalar
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import (

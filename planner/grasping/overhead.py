@@ -14,8 +14,7 @@ from itertools import chain
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect, expect_all
-from baxter_kin.validation import FloatArray, finite_scalar, positive_scalar
+from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar, positive_scalar
 from planner.errors import SceneError
 from planner.grasping.grasp import Grasp, Miss, extent
 from planner.grasping.hand import Hand, nearer

@@ -7,8 +7,8 @@ import pinocchio as pin
 from baxter_kin import Tool
 from baxter_kin.description.calibration import origin_of
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
-from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import expect
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Shape, Sphere
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import MissingLibraryError, expect
-from baxter_kin.validation import FloatArray, positive_scalar
+from baxter_kin.errors import MissingLibraryError
+from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.collision.context import CollisionContext
 from planner.collision.obstacles import Obstacles

@@ -45,14 +45,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import FileError, expect, shown_path
-from baxter_kin.fields import evolve, field, scalar, value
+from baxter_kin.display import seconds, shown_path
+from baxter_kin.errors import FileError
+from baxter_kin.fields import evolve, field, frozen, scalar
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.validation import FloatArray, finite_array, float_array
-from baxter_kin.value_objects import seconds
+from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 from planner.errors import ResponseError
 from planner.trajectory import Trajectory
 
@@ -107,7 +107,7 @@ def _errors(given: ArrayLike) -> FloatArray:
     return errors
 
 
-@value(error=ResponseError)
+@frozen(error=ResponseError)
 class Response:
     """Bounds on how an arm follows its set-points, and how these are sent.
 

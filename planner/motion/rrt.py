@@ -28,8 +28,8 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.distribution.extras import run_to_install
-from baxter_kin.errors import MissingLibraryError, expect
-from baxter_kin.validation import FloatArray, positive_scalar
+from baxter_kin.errors import MissingLibraryError
+from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.collision.sampling import IsFree
 from planner.errors import MotionError
 

@@ -14,13 +14,13 @@ import pinocchio as pin
 from attrs import Factory
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect, millimetres_hint
-from baxter_kin.fields import field, scalar, value
+from baxter_kin.display import millimetres, position
+from baxter_kin.fields import field, frozen, scalar
 from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
+from baxter_kin.hints import millimetres_hint
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import millimetres, position
+from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import MAX_DISTANCE_M
 from planner.trajectory import Trajectory
@@ -45,7 +45,7 @@ STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
 """Default tolerances."""
 
 
-@value(error=MotionError, eq=True)
+@frozen(error=MotionError, eq=True)
 class LineTolerance:
     """Maximum deviation of a tip from its line; by default 0.1 mm and 0.02 deg.
 
@@ -106,7 +106,7 @@ def _twist_of(line: StraightLine) -> FloatArray:
     return twist
 
 
-@value(error=MotionError)
+@frozen(error=MotionError)
 class StraightLine:
     """The poses between two, by the fraction s of the way, 0..1.
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, IKService, JointLimits
-from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike
+from baxter_kin.hints import millimetres_hint
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.reach.bound import ReachBound
-from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
+from baxter_kin.validation import FloatArray, expect, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.joint_move import (
     checked_start,

@@ -15,9 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService, JointLimits
-from baxter_kin.errors import expect
 from baxter_kin.ik import sample_solutions
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray, Indices, expect
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.free_move import DEFAULT_MARGIN_M

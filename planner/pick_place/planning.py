@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
+from baxter_kin.validation import expect
 from planner.errors import ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD

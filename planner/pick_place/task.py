@@ -16,11 +16,12 @@ from functools import partial
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import BaxterError, expect, expect_all, millimetres_hint
-from baxter_kin.fields import field, value
+from baxter_kin.display import phrase, position
+from baxter_kin.errors import BaxterError
+from baxter_kin.fields import field, frozen
 from baxter_kin.frames import checked_pose, raised
-from baxter_kin.validation import FloatArray, positive_scalar
-from baxter_kin.value_objects import phrase, position
+from baxter_kin.hints import millimetres_hint
+from baxter_kin.validation import FloatArray, expect, expect_all, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
@@ -58,7 +59,7 @@ def checked_height_m(value: object, what: str, error: type[BaxterError]) -> floa
     return height_m
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class PickAndPlace:
     """One pick and one place.
 

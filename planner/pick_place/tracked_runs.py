@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.fields import value
+from baxter_kin.display import clear, millimetres, phrase, sentence
+from baxter_kin.fields import frozen
 from baxter_kin.validation import FloatArray, Indices
-from baxter_kin.value_objects import clear, millimetres, phrase, sentence
 from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.joint_tube import JointTube
@@ -23,7 +23,7 @@ from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
 
 
-@value(error=TaskError, eq=True)
+@frozen(error=TaskError, eq=True)
 class MoveTracking:
     """What is proven of one move, wherever in its tube the joints are.
 

@@ -28,10 +28,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect
-from baxter_kin.fields import evolve, field, value
-from baxter_kin.validation import FloatArray, finite_scalar, float_array
-from baxter_kin.value_objects import clear, count, millimetres, sentence
+from baxter_kin.display import clear, count, millimetres, sentence
+from baxter_kin.fields import evolve, field, frozen
+from baxter_kin.validation import FloatArray, expect, finite_scalar, float_array
 from planner.clearance import checked_margin_m
 from planner.completion import manipulator_for, move_contexts
 from planner.errors import ResponseError, TaskError
@@ -208,7 +207,7 @@ def _rates(given: ArrayLike) -> FloatArray:
     return rates
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class TrackingProof:
     """Whether a plan stays clear on an arm of a given response.
 

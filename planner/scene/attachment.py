@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from baxter_kin.errors import expect, quoted
+from baxter_kin.display import MAX_PART, OneLine, quoted
 from baxter_kin.frames import checked_pose
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.value_objects import LONGEST_PART, OneLine
+from baxter_kin.validation import expect
 from planner.errors import SceneError
 
 
@@ -46,4 +46,4 @@ class Attachment(OneLine):
         return self.link.split("_")[0]
 
     def _facts(self) -> tuple[str, ...]:
-        return f"{self.side} hand", f"holds {quoted(self.body, LONGEST_PART)}"
+        return f"{self.side} hand", f"holds {quoted(self.body, MAX_PART)}"

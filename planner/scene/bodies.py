@@ -11,10 +11,18 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect, expect_all, millimetres_hint, quoted, shortened
+from baxter_kin.display import MAX_PART, OneLine, count, listing, position, quoted, shortened
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import FloatArray, finite_array, is_text, positive_scalar
-from baxter_kin.value_objects import LONGEST_PART, FrozenMapping, OneLine, count, listing, position
+from baxter_kin.hints import millimetres_hint
+from baxter_kin.validation import (
+    FloatArray,
+    expect,
+    expect_all,
+    finite_array,
+    is_text,
+    positive_scalar,
+)
 from planner.errors import SceneError
 from planner.scene.mesh import Mesh, checked_size
 
@@ -191,7 +199,7 @@ class Body(OneLine):
     def _facts(self) -> tuple[str, ...]:
         kind = "movable" if self.is_movable else "fixed"
         where = f"at {position(self.T_base_body)}"
-        return quoted(self.name, LONGEST_PART), kind, count(len(self.parts), "part"), where
+        return quoted(self.name, MAX_PART), kind, count(len(self.parts), "part"), where
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -16,9 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect, quoted
-from baxter_kin.validation import Checked, FloatArray, Indices, finite_array, finite_scalar
-from baxter_kin.value_objects import OneLine, millimetres
+from baxter_kin.display import OneLine, millimetres, quoted
+from baxter_kin.validation import Checked, FloatArray, Indices, expect, finite_array, finite_scalar
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 from planner.scene.mesh import Mesh

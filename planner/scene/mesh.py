@@ -13,9 +13,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import millimetres_hint
+from baxter_kin.display import OneLine, count
+from baxter_kin.fields import Frozen
+from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
-from baxter_kin.value_objects import Frozen, OneLine, count
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0

@@ -10,7 +10,7 @@ from pathlib import Path
 import coal
 import numpy as np
 
-from baxter_kin.errors import quoted, shortened, shown_path
+from baxter_kin.display import quoted, shortened, shown_path
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import SceneError
 from planner.scene.mesh import MAX_TRIANGLES, SLIVER, Mesh, open_edges

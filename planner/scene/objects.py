@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import finite_array, float_array
-from baxter_kin.value_objects import FrozenMapping
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Part
 from planner.scene.contact import shape_of

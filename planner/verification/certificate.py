@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
-from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.display import OneLine, count, seconds, sentence
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.json_data import unchecked
-from baxter_kin.validation import Checked, check_fields
-from baxter_kin.value_objects import OneLine, count, seconds, sentence
+from baxter_kin.validation import Checked, check_fields, expect
 from planner.errors import TaskError
 from planner.plan import Plan
 from planner.state import State

@@ -16,8 +16,9 @@ import numpy as np
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import expect, expect_all, quoted, shortened
+from baxter_kin.display import quoted, shortened
 from baxter_kin.fields import evolve
+from baxter_kin.validation import expect, expect_all
 from planner.certificate.checking import Certified, check
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot

@@ -16,13 +16,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import FileError, UnknownNameError, expect, expect_all, quoted, shown_path
+from baxter_kin.display import OneLine, clear, count, quoted, seconds, shown_path
+from baxter_kin.errors import FileError, UnknownNameError
+from baxter_kin.fields import Frozen
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Checked, FloatArray, finite_array, finite_rows, float_array
-from baxter_kin.value_objects import Frozen, OneLine, clear, count, seconds
+from baxter_kin.validation import (
+    Checked,
+    FloatArray,
+    expect,
+    expect_all,
+    finite_array,
+    finite_rows,
+    float_array,
+)
 from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES

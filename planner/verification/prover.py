@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import expect
 from baxter_kin.json_text import Json
+from baxter_kin.validation import expect
 from planner.certificate.body import Body
 from planner.certificate.checking import Witness, check
 from planner.certificate.errors import NotCertifiedError

@@ -22,8 +22,8 @@ from baxter_kin.command_line import (
     urdf_option,
     whole_number,
 )
-from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
+from baxter_kin.hints import millimetres_hint
 from sim.recording.record_file import record_option
 
 if TYPE_CHECKING:

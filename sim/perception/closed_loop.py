@@ -18,11 +18,10 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect
+from baxter_kin.display import OneLine, count
 from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.validation import FloatArray, expect
 from planner import (
     Body,
     Grip,

@@ -11,16 +11,15 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect
-from baxter_kin.fields import scalar, value
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import frozen, scalar
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body
 from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, Sighting, checked_source
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Noise:
     """How badly something sees.
 

@@ -14,10 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
-from baxter_kin.errors import BaxterError, expect, expect_all, quoted, shown_path
-from baxter_kin.fields import scalar, value
-from baxter_kin.validation import finite_scalar
-from baxter_kin.value_objects import NotCopied, OneLine, count, phrase, position, seconds
+from baxter_kin.display import OneLine, count, phrase, position, quoted, seconds, shown_path
+from baxter_kin.errors import BaxterError
+from baxter_kin.fields import NotCopied, frozen, scalar
+from baxter_kin.validation import expect, expect_all, finite_scalar
 from planner import Scene
 from sim.errors import RecordingError, SimulationError
 from sim.files import Line, LineFile, read_lines
@@ -28,7 +28,7 @@ HEADER = "look_s,name,seen_s,x,y,z,qx,qy,qz,qw"
 _FIELDS = HEADER.count(",") + 1
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Look:
     """One look.
 

@@ -14,10 +14,9 @@ from typing import Protocol
 
 import pinocchio as pin
 
-from baxter_kin.errors import expect, quoted
-from baxter_kin.fields import scalar, value
-from baxter_kin.validation import finite_scalar
-from baxter_kin.value_objects import seconds
+from baxter_kin.display import quoted, seconds
+from baxter_kin.fields import frozen, scalar
+from baxter_kin.validation import expect, finite_scalar
 from planner import Body
 from sim.errors import SimulationError
 from sim.events import Observer, Snapshot
@@ -27,7 +26,7 @@ KEPT_SNAPSHOTS = 1000
 """How many ticks back a world is remembered: 10 s at 100 Hz."""
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Sighting:
     """What was seen of one body.
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-from baxter_kin.fields import field, value
+from baxter_kin.display import count, millimetres, phrase, position, sentence
+from baxter_kin.fields import field, frozen
 from baxter_kin.frames import checked_pose
-from baxter_kin.value_objects import count, millimetres, phrase, position, sentence
 from planner import Body, Plan
 from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, checked_height_m
 from sim.errors import SimulationError
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Transfer:
     """A body to move, by how it is grasped and where it shall be.
 
@@ -42,7 +42,7 @@ class Transfer:
         return phrase(self.body), f"to {position(self.T_base_goal)}", f"hover {self.hover_m:g} m"
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Attempt:
     """One look, and what came of it.
 
@@ -61,7 +61,7 @@ class Attempt:
         return seen, "done" if self.failure is None else f"failed: {phrase(self.failure)}"
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class LoopResult:
     """How a transfer ended.
 

@@ -25,11 +25,11 @@ import logging
 import numpy as np
 
 from baxter_kin.description import RobotDescription, RobotIdentity
-from baxter_kin.errors import expect, shown_path
+from baxter_kin.display import OneLine, shown_path
+from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError

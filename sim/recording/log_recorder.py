@@ -23,12 +23,12 @@ from __future__ import annotations
 
 from baxter_kin import Baxter
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import expect
+from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_text
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.value_objects import NotCopied
+from baxter_kin.validation import expect
 from planner import Body, Scene, State
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot

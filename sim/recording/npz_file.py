@@ -34,12 +34,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import expect, shown_path
+from baxter_kin.display import shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_text, from_text
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, expect
 from planner import Body
 from sim.errors import RecordingError
 from sim.files import checked_path, opened, replace_file

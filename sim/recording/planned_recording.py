@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
 from baxter_kin.model import given_or_stock
+from baxter_kin.validation import expect
 from planner import Plan, RobotBody
 from planner.state import State
 from sim.errors import RecordingError

@@ -8,10 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, expect
 from planner import Scene, State
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import IKResult
-from baxter_kin.errors import expect_all, quoted
-from baxter_kin.fields import array, field, scalar, value
+from baxter_kin.display import count, phrase, quoted, seconds, side_of
+from baxter_kin.fields import array, field, frozen, scalar
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import count, phrase, seconds, side_of
+from baxter_kin.validation import FloatArray, expect_all
 from planner import Move, Trajectory
 from planner.scene.contact import Contact
 from sim.errors import RecordingError
@@ -34,7 +33,7 @@ def _contacts(given: tuple[Contact, ...] | None) -> tuple[Contact, ...] | None:
     return None if given is None else expect_all(given, Contact, "contacts", RecordingError)
 
 
-@value(error=RecordingError)
+@frozen(error=RecordingError)
 class RecordedMove:
     """A move of an arm as it was commanded.
 
@@ -93,7 +92,7 @@ def _flags(given: object) -> NDArray[np.bool_]:
     return flags
 
 
-@value(error=RecordingError)
+@frozen(error=RecordingError)
 class ArmMotion:
     """An arm at n times.
 

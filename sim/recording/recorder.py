@@ -19,10 +19,9 @@ import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import expect
+from baxter_kin.display import count
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, whole_scalar
-from baxter_kin.value_objects import count
+from baxter_kin.validation import FloatArray, expect, whole_scalar
 from planner import Body, Scene, State
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Snapshot

@@ -15,18 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import UnknownNameError, expect, quoted
-from baxter_kin.fields import array, field, mapping, sequence, value
+from baxter_kin.display import count, line, listing, quoted, seconds, shown
+from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import FrozenMapping, array, field, frozen, mapping, sequence
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, float_array
-from baxter_kin.value_objects import (
-    FrozenMapping,
-    count,
-    line,
-    listing,
-    seconds,
-    shown,
-)
+from baxter_kin.validation import FloatArray, expect, float_array
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event
@@ -48,7 +41,7 @@ def _tracks(given: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
     return FrozenMapping(tracks)
 
 
-@value(error=RecordingError)
+@frozen(error=RecordingError)
 class Commands:
     """The set-points that an arm was sent, and what was measured at these times.
 
@@ -76,7 +69,7 @@ class Commands:
         return (count(len(self.times_s), "set-point"),)
 
 
-@value(error=RecordingError)
+@frozen(error=RecordingError)
 class Recording:
     """A finished recording of n snapshots.
 

@@ -7,8 +7,9 @@ they are commanded.
 
 from __future__ import annotations
 
-from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import expect
 from planner import Response
 from planner import fit_response as fit_arrays
 from sim.errors import RecordingError

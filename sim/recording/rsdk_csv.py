@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.validation import FloatArray, expect
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 from sim.files import LineFile

@@ -19,8 +19,9 @@ from types import FrameType
 from typing import Any, TypeAlias
 
 from baxter_kin.command_line import MAX_PORT, command, option, parse, whole_number
-from baxter_kin.errors import expect
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
+from baxter_kin.validation import expect
 from sim.errors import RosError, RosMessageError
 from sim.ros1.mastering.directory import Change, Directory
 from sim.ros1.mastering.notifier import Notifier

@@ -8,8 +8,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from baxter_kin.errors import expect
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
+from baxter_kin.validation import expect
 from sim.errors import RosError, RosMessageError
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.offers import Publisher, Service, Subscriber

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from baxter_kin.value_objects import NotCopied, OneLine, listing
+from baxter_kin.display import OneLine, listing
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.tcpros.publication import Publication
 from sim.ros1.transport.tcpros.service_server import ServiceServer
 from sim.ros1.transport.tcpros.subscription import Subscription

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.errors import shown_path
+from baxter_kin.display import shown_path
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.value_objects import FrozenMapping
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.recording.log_recorder import LogRecorder

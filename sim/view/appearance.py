@@ -20,8 +20,7 @@ from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.hands import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
-from baxter_kin.fields import evolve
-from baxter_kin.value_objects import FrozenMapping
+from baxter_kin.fields import FrozenMapping, evolve
 from planner.collision.robot.hand_body import around
 from sim.errors import SimulationError
 

@@ -12,11 +12,10 @@ import math
 from collections.abc import Collection
 
 from baxter_kin import Baxter
-from baxter_kin.errors import shown_path
+from baxter_kin.display import OneLine, shown_path
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.model import given_or_stock
 from baxter_kin.validation import positive_scalar
-from baxter_kin.value_objects import OneLine
 from planner import Plan
 from planner.collision.robot.robot_body import RobotBody
 from sim.errors import RecordingError

@@ -12,8 +12,8 @@ import zlib
 from collections.abc import Collection, Iterable, Iterator
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
+from baxter_kin.validation import expect
 from planner import Plan
 from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.robot_body import RobotBody

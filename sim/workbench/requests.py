@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from baxter_kin.frames import PoseLike, StampedPose, checked_pose
 from planner import Body
 from planner.errors import SceneError

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from baxter_kin.fields import field, value
-from baxter_kin.value_objects import phrase
+from baxter_kin.display import phrase
+from baxter_kin.fields import field, frozen
 from planner import Plan
 from sim.errors import SimulationError
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class TaskResult:
     """What came of one task; as text, one line that says it.
 

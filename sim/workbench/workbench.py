@@ -21,12 +21,11 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, expect_all
+from baxter_kin.display import OneLine, count, listing
 from baxter_kin.fields import evolve
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.model import given_or_stock
-from baxter_kin.validation import positive_scalar
-from baxter_kin.value_objects import OneLine, count, listing
+from baxter_kin.validation import expect, expect_all, positive_scalar
 from planner import (
     Body,
     Cylinder,

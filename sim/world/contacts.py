@@ -15,11 +15,10 @@ import math
 
 import numpy as np
 
-from baxter_kin.errors import expect
-from baxter_kin.fields import evolve, value
+from baxter_kin.display import millimetres, phrase, seconds
+from baxter_kin.fields import evolve, frozen
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import millimetres, phrase, seconds
+from baxter_kin.validation import FloatArray, expect
 from planner import Body, Part, Plan, Scene, Trajectory
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
@@ -37,7 +36,7 @@ NEAR_M = 1e-3
 """Shapes that touch are nearer than this."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Contact:
     """Two things that run into each other.
 

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.fields import scalar, value
+from baxter_kin.display import millimetres, phrase, position
+from baxter_kin.fields import frozen, scalar
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import millimetres, phrase, position
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.scene.support import Landing, come_down
@@ -34,7 +34,7 @@ MOST_TIPS = 16
 """How often a body tips off on its way down; then it stays."""
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Leg:
     """A straight fall.
 
@@ -55,7 +55,7 @@ class Leg:
         return math.sqrt(2 * self.drop_m / GRAVITY_M_S2)
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Rest:
     """Where a body comes to rest.
 

@@ -25,10 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect
-from baxter_kin.fields import array, value
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import OneLine, millimetres, phrase
+from baxter_kin.display import OneLine, millimetres, phrase
+from baxter_kin.fields import array, frozen
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Box, Part
 from planner.grasping import Grasp
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
@@ -40,7 +39,7 @@ from sim.errors import SimulationError
 from sim.world.world import World
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Push:
     """A body that a closing finger moves.
 
@@ -302,7 +301,7 @@ AGREEMENT_M = 1e-6
 1e-8 m, and several add up."""
 
 
-@value(error=SimulationError)
+@frozen(error=SimulationError)
 class Closing:
     """How a close will end.
 
@@ -395,7 +394,7 @@ def _ended(
     return Closing(squeeze.finger_m, body, grasp, miss, squeeze.pushes)
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class GripperState:
     """What a gripper reports.
 

@@ -15,10 +15,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, quoted
+from baxter_kin.display import OneLine, listing, quoted
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import OneLine, listing
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Hand, Scene, State
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes

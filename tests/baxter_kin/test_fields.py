@@ -9,20 +9,21 @@ import attrs
 import numpy as np
 import pytest
 
+from baxter_kin.display import MAX_LINE, millimetres
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import (
+    FrozenMapping,
     array,
     evolve,
     field,
+    frozen,
     integer,
     mapping,
     number_or_nan,
     scalar,
     sequence,
-    value,
 )
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import LONGEST, FrozenMapping, millimetres
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     "copy": copy.copy,
@@ -35,7 +36,7 @@ class SampleError(BaxterError, ValueError):
     """Raised by the samples below."""
 
 
-@value(error=SampleError)
+@frozen(error=SampleError)
 class Sample:
     """One field of every kind."""
 
@@ -53,7 +54,7 @@ class Sample:
     is_open: bool = False
 
 
-@value(error=SampleError, eq=True)
+@frozen(error=SampleError, eq=True)
 class Interval:
     """Two numbers in order."""
 
@@ -65,7 +66,7 @@ class Interval:
             raise SampleError(f"an interval ends at {self.end:g}, before it starts")
 
 
-@value(error=SampleError)
+@frozen(error=SampleError)
 class Larger(Sample):
     """A value class that extends another one."""
 
@@ -158,5 +159,5 @@ def test_fields_that_differ_from_their_defaults_are_shown() -> None:
     sample = Sample(Q, np.zeros((4, 2)), length_m=0.02, is_open=True)
     assert repr(sample) == "Sample(q=(1, 2, 3), rows=4 x 2 array, length_m=20.0 mm, is_open=True)"
     long = repr(Sample(Q, name="x\ny" * 1000))
-    assert len(long) <= LONGEST
+    assert len(long) <= MAX_LINE
     assert long.isprintable()

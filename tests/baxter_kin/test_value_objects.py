@@ -7,27 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin.errors import CopyError
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import (
-    LONGEST,
-    Frozen,
-    FrozenMapping,
-    NotCopied,
+from baxter_kin.display import (
+    MAX_LINE,
     OneLine,
-    count,
-    listing,
-    millimetres,
-    position,
-    seconds,
-    shown,
-    side_of,
 )
+from baxter_kin.errors import CopyError
+from baxter_kin.fields import Frozen, FrozenMapping, NotCopied
+from baxter_kin.validation import FloatArray
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     "copy": copy.copy,
@@ -103,39 +93,5 @@ def test_a_line_leaves_out_what_is_as_by_default(sample: Sample) -> None:
 
 def test_a_long_value_does_not_make_a_long_line() -> None:
     text = repr(Sample(np.arange(3.0), label="x\ny" * 1000))
-    assert len(text) <= LONGEST
+    assert len(text) <= MAX_LINE
     assert text.isprintable()
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (1.0 / 3.0, "0.3333"),
-        ((0.1, -0.0), "(0.1, 0)"),
-        ((), "()"),
-        (np.zeros(9), "9 array"),
-        (np.array([True]), "1 array"),
-        ("a\nb", "'a\\nb'"),
-    ],
-)
-def test_values_are_shown_rounded_and_large_arrays_by_their_shape(value: Any, text: str) -> None:
-    assert shown(value) == text
-
-
-def test_numbers_of_things_agree_with_their_nouns() -> None:
-    assert [count(n, "body") for n in (0, 1, 2)] == ["0 bodies", "1 body", "2 bodies"]
-    assert listing(["table", "block"], "body") == "2 bodies: table, block"
-    assert listing([], "move") == "0 moves"
-
-
-def test_no_number_is_shown_as_minus_zero() -> None:
-    T = pin.SE3(np.eye(3), np.array([-0.0, -1e-9, 0.7]))
-    assert position(T) == "(0, 0, 0.7) m"
-    assert millimetres(-1e-9) == "0.0 mm"
-    assert seconds(-1e-9) == "0.00 s"
-
-
-def test_joints_of_one_side_are_told_by_it_and_others_counted() -> None:
-    assert side_of(["left_s0", "left_s1"]) == "left"
-    assert side_of(["left_s0", "right_s0"]) == "2 joints"
-    assert side_of([]) == "0 joints"

@@ -22,7 +22,8 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import RequestError, expect
+from baxter_kin.display import OneLine, count
+from baxter_kin.errors import RequestError
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
 from baxter_kin.ik.search.search_function import CONVERGED_M, CONVERGED_RAD, INSET, task_coordinates
@@ -31,8 +32,7 @@ from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.symbolic import SymbolicArm, quaternion_product
-from baxter_kin.validation import Checked, FloatArray
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.validation import Checked, FloatArray, expect
 
 MAX_ITERATIONS = 100
 

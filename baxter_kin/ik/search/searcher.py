@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
-from baxter_kin.errors import member_of
 from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray, Indices, member_of
 
 BATCH_SIZES = (1, 16, 64, 256)
 """How many searches one call does in a row. Calls of the largest run side by side; what remains

@@ -14,12 +14,13 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.errors import ConfigurationError, RequestError, expect, member_of, quoted
+from baxter_kin.display import OneLine, numbers, quoted
+from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.fields import Frozen
 from baxter_kin.ik.self_motion.continuation import least
 from baxter_kin.ik.self_motion.tracing import SelfMotion
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, finite_array, finite_rows
-from baxter_kin.value_objects import Frozen, OneLine, numbers
+from baxter_kin.validation import FloatArray, expect, finite_array, finite_rows, member_of
 
 PRECISION_RAD = 1e-9
 """To which the best arc length is narrowed down; a smooth minimum cannot be located better than to

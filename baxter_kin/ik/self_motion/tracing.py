@@ -16,7 +16,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import ConfigurationError, RequestError, expect
+from baxter_kin.display import OneLine, count
+from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.fields import Frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.self_motion.continuation import CurveEnd, EndKind, filled, walk_both_ways
 from baxter_kin.ik.self_motion.solution_curve import (
@@ -30,12 +32,12 @@ from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,
     check_fields,
+    expect,
     finite_array,
     finite_rows,
     finite_scalar,
     positive_scalar,
 )
-from baxter_kin.value_objects import Frozen, OneLine, count
 
 STEP_RAD = 0.02
 """Longest step along the curve: a few hundred points for a whole curve."""

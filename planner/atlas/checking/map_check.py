@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from baxter_kin.errors import shown_path
+from baxter_kin.display import OneLine, shown_path
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import whole_scalar
-from baxter_kin.value_objects import OneLine
 from planner.atlas.blocks import Block, BlockTasks
 from planner.atlas.checking.cell_check import Tally, check_cells
 from planner.atlas.checking.survey import Surveys, survey_block

@@ -27,11 +27,11 @@ from baxter_kin.command_line import (
     urdf_option,
     whole_number,
 )
+from baxter_kin.display import count
 from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.json_text import Json
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine
-from baxter_kin.value_objects import count
 from planner.atlas.blocks import Block, Blocks
 from planner.atlas.building import (
     MOST_CELLS,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from baxter_kin import Baxter
 from baxter_kin.command_line import command, part
+from baxter_kin.display import count
 from baxter_kin.json_text import Json
-from baxter_kin.value_objects import count
 from planner.atlas.blocks import REACH_MAP
 from planner.atlas.commands.console import (
     EXIT_DONE,

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import FileError, quoted, shown_path
+from baxter_kin.display import quoted, shown_path
+from baxter_kin.errors import FileError
 from baxter_kin.files import open_to_read
 from baxter_kin.validation import FloatArray
 from planner.atlas.rotations import MOST_ROTATIONS, RotationGrid

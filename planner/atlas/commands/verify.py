@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baxter_kin.command_line import command, flag, option, part, whole_number
+from baxter_kin.display import count
 from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.json_text import Json
-from baxter_kin.value_objects import count
 from planner.atlas.checking import CELLS, MOST_CELLS, NEAR_LIMITS_RAD, MapCheck, check_map
 from planner.atlas.commands.console import (
     EXIT_DONE,

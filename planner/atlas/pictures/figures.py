@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import UnknownNameError, expect
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.errors import UnknownNameError
+from baxter_kin.validation import FloatArray, Indices, expect
 from planner.atlas.pictures.drawing import Panels, new_figure, shown, viridis
 from planner.atlas.pictures.summary import (
     BOTH,

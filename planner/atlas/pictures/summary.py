@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import UnknownNameError, shown_path
+from baxter_kin.display import shown_path
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.validation import FloatArray, Indices, finite_array
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, RAD_PER_MARGIN, UNDECIDED, UNREACHABLE, Codes

@@ -9,9 +9,11 @@ from typing import Any
 import pinocchio as pin
 
 from baxter_kin import IKService
-from baxter_kin.errors import PoseError, expect, quoted
-from baxter_kin.fields import mapping, value
+from baxter_kin.display import quoted
+from baxter_kin.errors import PoseError
+from baxter_kin.fields import frozen, mapping
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import expect
 from planner.atlas.questions.pose_answer import PoseAnswer, answer_pose
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
@@ -20,7 +22,7 @@ EQUAL_RAD = 1e-3
 """Margins that differ by less are the same."""
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class ArmChoice:
     """What each arm reaches.
 

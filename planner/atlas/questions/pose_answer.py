@@ -12,12 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
+from baxter_kin.display import position
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.fields import value
+from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_rows
-from baxter_kin.value_objects import position
 from planner.errors import AtlasError
 
 
@@ -35,7 +35,7 @@ class _WidestMargin:
         return np.array(-np.minimum(q - limits.q_min, limits.q_max - q).min(axis=1))
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class PoseAnswer:
     """Whether one arm reaches a pose.
 

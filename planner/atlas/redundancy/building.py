@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import IKService
-from baxter_kin.errors import shown_path
+from baxter_kin.display import shown_path
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import FloatArray
 from planner.atlas.blocks import Block

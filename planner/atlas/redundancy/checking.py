@@ -22,11 +22,10 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
-from baxter_kin.errors import shown_path
+from baxter_kin.display import OneLine, shown_path
 from baxter_kin.ik import solutions
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import FloatArray, whole_scalar
-from baxter_kin.value_objects import OneLine
 from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.redundancy.freedom import Freedom

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin.display import OneLine, count
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray, Indices, positive_scalar
-from baxter_kin.value_objects import OneLine, count
 from planner.atlas.blocks import Block
 from planner.atlas.cost import LEAST, MEASURED_S, OVERHEAD, shown_time
 from planner.atlas.map_files import stored_bytes

@@ -21,18 +21,18 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.fields import number_or_nan, value
+from baxter_kin.display import OneLine, count
+from baxter_kin.fields import frozen, number_or_nan
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik import SelfMotion, solutions
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, count
 from planner.atlas.redundancy.extremes import greatest_manipulability, greatest_margin_rad
 from planner.atlas.redundancy.rolls import STEP_RAD, pieces_of_rolls, turned, with_witness
 from planner.atlas.redundancy.self_collision import SelfCollision
 from planner.errors import AtlasError
 
 
-@value(error=AtlasError, eq=True)
+@frozen(error=AtlasError, eq=True)
 class Freedom:
     """The self-motion of one pose, inside the joint limits.
 

@@ -23,12 +23,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from baxter_kin.display import OneLine, quoted
 from baxter_kin.distribution.software import kind_of_machine, versions
-from baxter_kin.errors import UnknownNameError, quoted
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import field_names
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine
 from planner.atlas.blocks import Block, Blocks, Chunked, Layout
 from planner.atlas.cell import STATUSES
 from planner.atlas.map_files import (

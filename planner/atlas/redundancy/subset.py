@@ -9,10 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import quoted
-from baxter_kin.fields import value
+from baxter_kin.display import count, quoted
+from baxter_kin.fields import frozen
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, whole_scalar
-from baxter_kin.value_objects import count
 from planner.atlas.positions import BLOCK_EDGE, PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
@@ -27,7 +26,7 @@ SAME_AXIS = 1e-9
 """How much less the cosine of directions may be that count as one."""
 
 
-@value(error=AtlasError, eq=True)
+@frozen(error=AtlasError, eq=True)
 class Subset:
     """All combinations of arms, positions along x, y and z, and rotations of a reach map.
 

@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.errors import ConfigurationError, shown_path
+from baxter_kin.display import shown_path
+from baxter_kin.errors import ConfigurationError
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.validation import FloatArray, Indices, finite_array
 from planner.atlas.blocks import Block

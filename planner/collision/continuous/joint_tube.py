@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baxter_kin.display import OneLine, count, seconds
+from baxter_kin.fields import Frozen
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import Frozen, OneLine, count, seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

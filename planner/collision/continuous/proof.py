@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray, Indices, expect
 from planner.certificate.motion import Polynomials
 from planner.certificate.rows import BY_MIDDLES
 from planner.clearance import (

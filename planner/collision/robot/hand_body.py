@@ -20,8 +20,8 @@ import pinocchio as pin
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.hands import is_finger, is_tool
 from baxter_kin.description.urdf import ShapeKind, UrdfJoint, UrdfShape
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import FrozenMapping
 from planner.collision.robot.robot_body import LinkBody, RobotBody, Triangulated
 from planner.errors import SceneError
 from planner.scene.contact import hull_of, triangles_of

@@ -42,10 +42,11 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import FileError, shown_path
+from baxter_kin.display import OneLine, count, millimetres, shown_path
+from baxter_kin.errors import FileError
+from baxter_kin.fields import Frozen, FrozenMapping
 from baxter_kin.files import open_to_read
 from baxter_kin.validation import Checked, finite_scalar
-from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, millimetres
 from planner.errors import BodyFileError, SceneError
 
 VERSION = 3

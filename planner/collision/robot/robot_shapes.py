@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.errors import expect
-from baxter_kin.validation import whole_scalar
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.validation import expect, whole_scalar
 from planner.collision.covers import Covers
 from planner.collision.robot.cluster_trees import ClusterTree, trees_of
 from planner.collision.robot.hand_body import fitted

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, quoted, shown_path
+from baxter_kin.display import quoted, shown_path
 from baxter_kin.files import PathLike
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.files import checked_path, explained, opened
 from sim.recording.reading.joint_merging import merged_recording

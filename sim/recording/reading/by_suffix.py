@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, shown_path
+from baxter_kin.display import shown_path
 from baxter_kin.files import PathLike
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.files import checked_path
 from sim.recording.npz_file import load_recording

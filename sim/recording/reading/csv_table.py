@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.errors import shown_path
+from baxter_kin.display import count, shown_path
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import count
 from sim.errors import RecordingError
 from sim.files import Line
 from sim.recording.recorded_motion import arm_joints

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.display import count
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import count
 from sim.errors import RecordingError
 from sim.events import Event, EventKind
 from sim.recording.reading.joint_messages import Heard, JointMessages

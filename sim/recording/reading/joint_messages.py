@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from baxter_kin.errors import quoted, shown_path
+from baxter_kin.display import quoted, shown_path
 from baxter_kin.kinematics.arm import LIMBS
 from sim.errors import RecordingError, RosMessageError
 from sim.recording.reading.measurement import limbs_in

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import shown_path
+from baxter_kin.display import shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown
 from baxter_kin.json_text import Json, from_text

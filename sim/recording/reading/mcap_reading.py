@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from baxter_kin import Baxter
+from baxter_kin.display import quoted, shown_path
 from baxter_kin.distribution.extras import run_to_install_extra
-from baxter_kin.errors import expect, quoted, shown_path
 from baxter_kin.files import PathLike
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.files import checked_path, opened
 from sim.recording.reading.joint_merging import merged_recording

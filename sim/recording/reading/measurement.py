@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import Baxter
+from baxter_kin.display import count
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import count
 from sim.recording.reading.plausibility import Rows, check_rows
 from sim.recording.recorded_motion import arm_joints, finger_joints
 from sim.recording.recording import NotedRecording, Recording

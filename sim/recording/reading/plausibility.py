@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import Baxter
+from baxter_kin.display import count
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import count
 from sim.errors import RecordingError
 from sim.recording.recorded_motion import arm_joints
 

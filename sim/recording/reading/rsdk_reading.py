@@ -8,9 +8,10 @@ loads, with a note of what was odd. What cannot be a recording of Baxter is refu
 from __future__ import annotations
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, shown_path
+from baxter_kin.display import shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.files import checked_path, read_lines
 from sim.recording.reading.csv_table import read_table

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.recording.playback import retell
 from sim.recording.recording import Recording

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from baxter_kin import Baxter
 from baxter_kin.distribution.extras import run_to_install_extra
-from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
+from baxter_kin.validation import expect
 from sim.errors import RecordingError
 from sim.recording.playback import retell
 from sim.recording.recording import Recording

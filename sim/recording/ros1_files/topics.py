@@ -17,11 +17,10 @@ from abc import abstractmethod
 
 import numpy as np
 
-from baxter_kin.errors import expect
+from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
 from baxter_kin.frames import Frame
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import NotCopied
+from baxter_kin.validation import FloatArray, expect
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.files import Output

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from baxter_kin.fields import evolve, value
-from baxter_kin.value_objects import seconds, sentence
+from baxter_kin.display import seconds, sentence
+from baxter_kin.fields import evolve, frozen
 from planner import GripperAction, Move
 from planner.trajectory import Trajectory
 from sim.errors import SimulationError
@@ -34,7 +34,7 @@ CONNECT_S = 3.0
 """A robot that listens has connected by then."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class MeasuredOutcome(Outcome):
     """How the execution of a plan on a robot ended.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 
-from baxter_kin.errors import expect, expect_all
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
+from baxter_kin.validation import expect, expect_all
 from planner import Plan
 from sim.errors import SimulationError
 from sim.events import Observer

@@ -11,9 +11,9 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 
-from baxter_kin.fields import value
+from baxter_kin.display import phrase, sentence
+from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.value_objects import phrase, sentence
 from sim.errors import SimulationError
 from sim.ros1.execution.link.baxter_link import (
     ELECTRIC,
@@ -38,7 +38,7 @@ FIRST_S = 3.0
 _LOG = logging.getLogger(__name__)
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Finding:
     """One condition, and whether it holds.
 

@@ -12,11 +12,11 @@ import logging
 import numpy as np
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.errors import BaxterError, expect
+from baxter_kin.display import clear, seconds
+from baxter_kin.errors import BaxterError
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import clear, seconds
+from baxter_kin.validation import FloatArray, expect
 from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
 from planner.completion import complete
 from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve, field, value
+from baxter_kin.display import OneLine, clear, count, seconds
+from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, positive_scalar
-from baxter_kin.value_objects import OneLine, clear, count, seconds
 from planner import Plan, Response
 from sim.errors import SimulationError
 from sim.outcome import Dwell
@@ -18,7 +18,7 @@ from sim.ros1.execution.preflight import Finding
 from sim.ros1.execution.stream.set_points import Pace
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class ExecutionOptions:
     """How a plan is carried out.
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from baxter_kin.fields import value
-from baxter_kin.value_objects import FrozenMapping, seconds, sentence
+from baxter_kin.display import seconds, sentence
+from baxter_kin.fields import FrozenMapping, frozen
 from sim.errors import SimulationError
 
 
@@ -43,7 +43,7 @@ class StopCause(str, Enum):
         return self not in (StopCause.DISABLED, StopCause.STOPPED, StopCause.ROBOT_ERROR)
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Stop:
     """Why an execution ended early; `str()` of it is one sentence.
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from baxter_kin.display import OneLine, seconds
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, seconds
 from planner import Body
 from sim.events import EventKind, Observer
 from sim.grip_steps import GripEvents

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import FrozenMapping
 from baxter_kin.frames import T_world_base
 from baxter_kin.kinematics.arm import LIMBS, MIRROR
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import FrozenMapping
 from planner import Body, load_object
 
 GAZEBO_START_RAD: Mapping[str, tuple[float, ...]] = FrozenMapping(

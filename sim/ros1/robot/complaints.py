@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.display import OneLine, count
 
 SELDOM_S = 1.0
 """The same complaint is not said again before so long."""

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from ipaddress import ip_address
 
-from baxter_kin.errors import expect
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.validation import FloatArray, expect
 from planner import Body
 from sim.errors import RosError, SimulationError
 from sim.events import Observer

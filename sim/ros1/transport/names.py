@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from baxter_kin.errors import expect, quoted
+from baxter_kin.display import quoted
+from baxter_kin.validation import expect
 from sim.errors import RosMessageError
 
 _NODE = re.compile(r"/?[A-Za-z][\w]*(/[A-Za-z][\w]*)*", re.ASCII)

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from sim.errors import RosError
 from sim.ros1.transport.network.addresses import find_home, master_uri, place_of
 from sim.ros1.transport.network.counts import Tally

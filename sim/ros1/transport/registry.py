@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
-from baxter_kin.value_objects import NotCopied, OneLine, count
+from baxter_kin.display import OneLine, count
+from baxter_kin.fields import NotCopied
 from sim.errors import RosConnectionError, RosError
 from sim.ros1.transport.network.counts import Tally
 from sim.ros1.transport.xmlrpc.master_client import MasterClient

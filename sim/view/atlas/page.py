@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import html
 
-from baxter_kin.errors import FileError, expect, shown_path
+from baxter_kin.display import shown_path
+from baxter_kin.errors import FileError
 from baxter_kin.files import PathLike, replace_file
+from baxter_kin.validation import expect
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
 from sim.view.appearance import Appearance

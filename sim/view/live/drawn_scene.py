@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from baxter_kin.validation import FloatArray
 from planner import Body, Scene
 from sim.errors import ViewerError

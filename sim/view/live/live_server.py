@@ -20,8 +20,8 @@ from tornado.httpserver import HTTPServer
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from baxter_kin.errors import quoted
-from baxter_kin.value_objects import NotCopied
+from baxter_kin.display import quoted
+from baxter_kin.fields import NotCopied
 from sim.errors import ViewerError
 from sim.view.live.clients import Clients, Message
 from sim.view.live.controls import Controls

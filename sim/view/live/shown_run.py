@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve
-from baxter_kin.value_objects import FrozenMapping
+from baxter_kin.fields import FrozenMapping, evolve
 from planner import Body, Scene, State
 from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorder import Recorder

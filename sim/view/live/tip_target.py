@@ -17,10 +17,10 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, IKResult, IKService, SeedMode
+from baxter_kin.display import OneLine, position
 from baxter_kin.distribution.extras import run_to_install
-from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import NotCopied, OneLine, position
+from baxter_kin.fields import NotCopied
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body
 from planner.scene.bodies import Cylinder, Part
 from sim.errors import ViewerError

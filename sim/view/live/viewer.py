@@ -22,10 +22,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, quoted
+from baxter_kin.display import quoted
+from baxter_kin.fields import NotCopied
 from baxter_kin.model import given_or_stock
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import NotCopied
+from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array
 from planner import Body, Scene, State
 from sim.errors import ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot

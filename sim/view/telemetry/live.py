@@ -14,9 +14,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, listing
+from baxter_kin.display import OneLine, listing
+from baxter_kin.validation import FloatArray, expect
 from planner import Body
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError

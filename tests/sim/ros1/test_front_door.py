@@ -12,8 +12,8 @@ import pytest
 
 import sim.ros1
 from baxter_kin import Baxter, BaxterError
+from baxter_kin.display import MAX_LINE
 from baxter_kin.errors import CopyError
-from baxter_kin.value_objects import LONGEST
 from sim import World
 from sim.ros1 import (
     BaxterLink,
@@ -88,7 +88,7 @@ def test_other_names_are_no_attributes() -> None:
 def test_is_shown_in_one_short_line(name: str, live: dict[str, Any]) -> None:
     shown = repr({**DATA, **live}[name])
     assert shown.isprintable()
-    assert len(shown) <= LONGEST
+    assert len(shown) <= MAX_LINE
     assert shown.removeprefix("<").startswith((f"{name}(", f"{name}."))
     assert "array(" not in shown
     assert " at 0x" not in shown

@@ -19,12 +19,11 @@ from __future__ import annotations
 import numpy as np
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.errors import expect
-from baxter_kin.fields import value
+from baxter_kin.fields import frozen
 from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray, Indices, expect
 from planner.atlas.questions.calibrated.deviation import TipDeviation
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import (
@@ -43,7 +42,7 @@ from planner.errors import AtlasError
 EVERYWHERE = (slice(None),) * 3
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class CalibratedCells:
     """What is known of cells for another robot than the map's.
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.display import OneLine
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine
 
 ROUNDING = 1e-12
 """What is added for rounding, m and rad."""

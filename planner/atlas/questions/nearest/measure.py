@@ -7,9 +7,8 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import member_of
-from baxter_kin.fields import scalar, value
-from baxter_kin.validation import FloatArray
+from baxter_kin.fields import frozen, scalar
+from baxter_kin.validation import FloatArray, member_of
 from planner.errors import AtlasError
 
 M_PER_RAD = 0.3
@@ -33,7 +32,7 @@ class Keep(str, Enum):
         return member_of(cls, "part of a pose to keep", keep)
 
 
-@value(error=AtlasError, eq=True)
+@frozen(error=AtlasError, eq=True)
 class PoseMeasure:
     """A distance of poses: m where the orientation is kept, rad where the position is.
 

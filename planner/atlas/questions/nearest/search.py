@@ -15,14 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
-from baxter_kin.errors import expect
-from baxter_kin.fields import value
+from baxter_kin.display import position
+from baxter_kin.fields import frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import position
+from baxter_kin.validation import FloatArray, expect
 from planner.atlas.questions.nearest.cells_around import CellsAround, NearerCells
 from planner.atlas.questions.nearest.descent import descended
 from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep, PoseMeasure
@@ -33,7 +32,7 @@ STARTS = 16
 """Cells that are descended from."""
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class NearestPose:
     """What was found nearest to a pose.
 

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.fields import field, value
+from baxter_kin.display import count
+from baxter_kin.fields import field, frozen
 from baxter_kin.frames import BASE_HEIGHT_M
 from baxter_kin.validation import FloatArray, float_array, positive_scalar
-from baxter_kin.value_objects import count
 from planner.errors import AtlasError
 
 MOST_PLACEMENTS = 1_000_000
@@ -28,7 +28,7 @@ def _numbers(given: ArrayLike) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
-@value(error=AtlasError)
+@frozen(error=AtlasError)
 class PlacementGrid:
     """All combinations of positions and yaws.
 

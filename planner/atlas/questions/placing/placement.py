@@ -9,8 +9,8 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.display import OneLine, count
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, count
 from planner.atlas.questions.pose_answer import PoseAnswer
 from planner.plan import Plan
 

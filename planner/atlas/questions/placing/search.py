@@ -22,10 +22,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
-from baxter_kin.errors import expect
 from baxter_kin.fields import evolve
 from baxter_kin.ik.reach.bound import ReachBound
-from baxter_kin.validation import FloatArray, Indices, whole_scalar
+from baxter_kin.validation import FloatArray, Indices, expect, whole_scalar
 from planner.atlas.questions.map_guide import DISMISSED, MapGuide
 from planner.atlas.questions.placing.confirmation import Confirmation
 from planner.atlas.questions.placing.grid import PlacementGrid

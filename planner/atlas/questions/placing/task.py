@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
-from baxter_kin.errors import expect
-from baxter_kin.fields import field, sequence, value
+from baxter_kin.display import count, phrase, position
+from baxter_kin.fields import field, frozen, sequence
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.value_objects import count, phrase, position
+from baxter_kin.validation import expect
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
@@ -21,7 +21,7 @@ from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, PickAndPla
 from planner.scene.bodies import Body, Scene
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class TableTransfer:
     """A body is picked and placed.
 
@@ -88,7 +88,7 @@ class TableTransfer:
         return phrase(self.body), way, "seen from the table"
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class Visit:
     """The tip shall get to a pose, as to look at something or to press a button.
 
@@ -120,7 +120,7 @@ class Job(NamedTuple):
     poses: tuple[tuple[str, pin.SE3], ...]
 
 
-@value(error=TaskError)
+@frozen(error=TaskError)
 class TableTask:
     """All that shall be done at the table.
 

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from baxter_kin.errors import BaxterError, FileError, shown_path
+from baxter_kin.display import shown_path
+from baxter_kin.errors import BaxterError, FileError
 from baxter_kin.files import PathLike, open_to_read
 from baxter_kin.frames import pose_from_quaternion
 from baxter_kin.json_data import from_json

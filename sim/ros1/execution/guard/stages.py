@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.fields import value
+from baxter_kin.display import clear, phrase
+from baxter_kin.fields import frozen
 from baxter_kin.validation import Indices
-from baxter_kin.value_objects import clear, phrase
 from planner import Grip, Manipulator, Move, Plan
 from planner.clearance import Clearance, ContinuousProof
 from planner.collision.checker import ClearanceChecker
@@ -38,7 +38,7 @@ FAR_M = 10.0
 """Stands for the clearance where there is nothing to keep clear of."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Room:
     """By how much a move is clear.
 

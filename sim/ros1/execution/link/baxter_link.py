@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import OneLine, quoted
+from baxter_kin.fields import NotCopied
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import SimulationError
 from sim.ros1.execution.link.joint_table import JointTable
 from sim.world.gripper import GripperState

@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 from types import TracebackType
 
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import NotCopied, OneLine
 from sim.ros1.definitions import message_type
 from sim.ros1.execution.link.baxter_link import (
     BaxterLink,

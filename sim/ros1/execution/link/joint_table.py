@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from baxter_kin.display import OneLine, count
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine, count
 
 RATE_WINDOW_S = 1.0
 

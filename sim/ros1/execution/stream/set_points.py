@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.errors import expect_all
-from baxter_kin.fields import scalar, value
-from baxter_kin.validation import FloatArray
+from baxter_kin.fields import frozen, scalar
+from baxter_kin.validation import FloatArray, expect_all
 from planner import Move, Trajectory
 from planner.motion.response import MAX_LEAD_S
 from planner.trajectory import joined
@@ -36,7 +35,7 @@ _LOOK_S = 0.001
 """Step of the search for the greatest speed that is sent."""
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Pace:
     """How a plan is sent.
 

@@ -18,10 +18,10 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.fields import scalar, value
+from baxter_kin.display import OneLine, numbers
+from baxter_kin.fields import frozen, scalar
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_array
-from baxter_kin.value_objects import OneLine, numbers
 from sim.errors import SimulationError
 from sim.ros1.robot.parts.joint_order import BadOrderError, JointMode, JointOrder
 
@@ -45,7 +45,7 @@ class Follow(str, Enum):
     LAG = "lag"
 
 
-@value(error=SimulationError, eq=True)
+@frozen(error=SimulationError, eq=True)
 class Following:
     """How joints follow their set-points, and how far behind.
 

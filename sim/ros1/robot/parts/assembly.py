@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine
 
 SUPPRESSION_LASTS_S = 0.5
 """How long one message that suppresses collision avoidance counts. They are to come at 5 Hz or

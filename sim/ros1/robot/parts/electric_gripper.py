@@ -12,8 +12,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from baxter_kin.errors import quoted
-from baxter_kin.value_objects import FrozenMapping, OneLine
+from baxter_kin.display import OneLine, quoted
+from baxter_kin.fields import FrozenMapping
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.ros1.robot.parts.fingers import Fingers
 from sim.ros1.robot.parts.joint_order import BadOrderError

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from baxter_kin.display import OneLine, millimetres
 from baxter_kin.fields import evolve
-from baxter_kin.value_objects import OneLine, millimetres
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.grip_steps import GripEvents
 from sim.world.contacts import ContactWatch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine
 from sim.ros1.robot.parts.joint_order import BadOrderError
 
 PAN_LAG_S = 0.2

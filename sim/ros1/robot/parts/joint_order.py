@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from baxter_kin.errors import quoted
-from baxter_kin.value_objects import OneLine
+from baxter_kin.display import OneLine, quoted
 from sim.errors import SimulationError
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
+from baxter_kin.display import OneLine, count
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.value_objects import OneLine, count
 from sim.ros1.robot.parts.joint_order import BadOrderError
 
 PRESS_S = 0.5

@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.errors import PoseError, quoted
+from baxter_kin.display import quoted
+from baxter_kin.errors import PoseError
 from baxter_kin.frames import pose_from_quaternion
 from baxter_kin.validation import FloatArray
 from sim.ros1_fields import Message

@@ -17,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.description.xml_text import Element, read_xml
-from baxter_kin.errors import DescriptionError, quoted
+from baxter_kin.display import quoted
+from baxter_kin.errors import DescriptionError
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Cylinder, Part, Shape, Sphere
 from planner.scene.mesh_file import load_mesh

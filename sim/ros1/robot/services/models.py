@@ -12,9 +12,9 @@ from concurrent.futures import Future
 
 import pinocchio as pin
 
-from baxter_kin.errors import BaxterError, quoted
+from baxter_kin.display import OneLine, listing, numbers, position, quoted
+from baxter_kin.errors import BaxterError
 from baxter_kin.frames import T_world_base, quaternion_xyzw
-from baxter_kin.value_objects import OneLine, listing, numbers, position
 from sim.ros1.definitions import service_type
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.services.frame_tree import T_base_frame, pose_of

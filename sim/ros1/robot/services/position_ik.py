@@ -16,11 +16,11 @@ from functools import partial
 import numpy as np
 
 from baxter_kin import Baxter, IKService
+from baxter_kin.display import OneLine
 from baxter_kin.errors import BaxterError
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.seeds import SeedMode
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import OneLine
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import service_type
 from sim.ros1.robot.services.frame_tree import T_base_frame, pose_of

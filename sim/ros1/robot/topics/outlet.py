@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.display import OneLine, count
 from sim.ros1.definitions import message_type
 from sim.ros1.node import Node
 from sim.ros1.offers import Publisher

@@ -11,7 +11,7 @@ import socket
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from sim.errors import RosConnectionError, RosMessageError, RosUnreachableError
 
 DEFAULT_MASTER = "http://127.0.0.1:11311"

@@ -9,7 +9,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.network.counts import Tally
 from sim.ros1.transport.network.framing import ProtocolError
 from sim.ros1.transport.network.loop import READ, WRITE, Loop, Timer

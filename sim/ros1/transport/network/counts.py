@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 
+from baxter_kin.display import OneLine
 from baxter_kin.fields import evolve
-from baxter_kin.value_objects import OneLine
 
 
 @dataclass(frozen=True, slots=True, repr=False)

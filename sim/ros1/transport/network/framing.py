@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from sim.errors import RosError
 
 LONGEST_FRAME = 16 * 2**20

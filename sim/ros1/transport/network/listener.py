@@ -6,7 +6,8 @@ import logging
 import socket
 from collections.abc import Callable
 
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.network.addresses import Place, listening
 from sim.ros1.transport.network.connection import Connection, Reader
 from sim.ros1.transport.network.counts import Tally

@@ -14,7 +14,8 @@ from contextlib import suppress
 from itertools import count
 from typing import TypeAlias
 
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.network.counts import Tally
 
 READ = selectors.EVENT_READ

@@ -6,7 +6,8 @@ import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from baxter_kin.value_objects import NotCopied, OneLine, count
+from baxter_kin.display import OneLine, count
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.network.addresses import Home, Place
 from sim.ros1.transport.network.framing import (
     LONGEST_HEADER,

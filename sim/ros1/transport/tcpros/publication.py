@@ -6,7 +6,8 @@ import struct
 import threading
 from collections.abc import Mapping
 
-from baxter_kin.value_objects import NotCopied, OneLine, listing
+from baxter_kin.display import OneLine, listing
+from baxter_kin.fields import NotCopied
 from sim.ros1.transport.network.connection import Connection
 from sim.ros1.transport.network.framing import framed, framed_header
 from sim.ros1.transport.tcpros.handshake import Refusal, check_sum

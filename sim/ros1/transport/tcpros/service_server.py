@@ -7,7 +7,8 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine
+from baxter_kin.fields import NotCopied
 from sim.errors import RosMessageError, ServiceRefused
 from sim.ros1.transport.network.connection import Connection
 from sim.ros1.transport.network.counts import Tally

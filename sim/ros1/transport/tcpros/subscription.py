@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import TypeAlias
 
-from baxter_kin.value_objects import NotCopied, OneLine, listing
+from baxter_kin.display import OneLine, listing
+from baxter_kin.fields import NotCopied
 from sim.errors import RosConnectionError, RosError, RosMessageError, RosUnreachableError
 from sim.ros1.transport.network.addresses import Place, connect
 from sim.ros1.transport.network.connection import Connection

@@ -7,7 +7,7 @@ import xmlrpc.client
 from typing import Any
 from xml.parsers.expat import ExpatError
 
-from baxter_kin.errors import quoted
+from baxter_kin.display import quoted
 from sim.errors import RosConnectionError, RosError, RosUnreachableError
 from sim.ros1.transport.network.addresses import Place, place_of, resolve
 

@@ -6,8 +6,8 @@ import xmlrpc.client
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
-from baxter_kin.errors import quoted
-from baxter_kin.value_objects import NotCopied, OneLine
+from baxter_kin.display import OneLine, quoted
+from baxter_kin.fields import NotCopied
 from sim.errors import RosError
 from sim.ros1.transport.network.addresses import Home, Place
 from sim.ros1.transport.network.connection import Connection

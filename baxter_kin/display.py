@@ -1,0 +1,207 @@
+"""Values as text: one line for each object, and what a message repeats of its input.
+
+A class that inherits from `OneLine` is shown as its name and a few facts in parentheses, as in
+`World(2 bodies: table, block)`; value classes made by `baxter_kin.fields` show their fields. The
+text is meant for readers, not for parsers: numbers are rounded and the length is bounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from reprlib import Repr
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+MAX_QUOTE = 200
+"""Characters of an input that a message repeats."""
+
+MAX_NAME = 60
+"""Characters of an unknown name that a message repeats."""
+
+MAX_LINE = 120
+"""Characters of the line that shows an object."""
+
+MAX_PART = 60
+"""Characters of one fact that is a text or a name."""
+
+MIN_PART = 20
+"""Characters that remain of a fact that is shortened."""
+
+MAX_QUOTED_ITEMS = 20
+"""Elements of a sequence or a mapping that a message repeats."""
+
+MAX_SHOWN_NUMBERS = 8
+"""Longest array that is shown by its numbers; a longer one is shown by its shape."""
+
+MAX_INTEGER_BITS = 1024
+"""Larger integers are shown by their size: Python refuses to print some thousand digits."""
+
+MIN_M_WHOLE, MIN_S_WHOLE = 10.0, 1e5
+"""From these on, lengths are shown in metres, and times without hundredths."""
+
+
+class OneLine:
+    """Base of classes that are shown in one line; a subclass defines `_facts`."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return line(type(self).__name__, self._facts())
+
+    def _facts(self) -> tuple[str, ...]:
+        """The facts to show; empty ones are left out."""
+        return tuple(_changed_fields(self)) if is_dataclass(self) else ()
+
+
+def quoted(value: object, longest: int = MAX_QUOTE) -> str:
+    """What a message repeats of a value that came: its `repr` on one line, cut to a length.
+
+    The work is bounded too, however large the value is.
+    """
+    return shortened(" ".join(_QUOTE.repr(value).split()), longest)
+
+
+def shortened(text: str, longest: int = MAX_QUOTE) -> str:
+    """A text of at most so many characters, its middle left out where it was longer.
+
+    It is cut between words, unless there is no blank in the last third of what is kept.
+    What no output can show, as half a surrogate pair in a file's name, is written as an escape.
+    """
+    if len(text) > longest:
+        kept = longest - len("...")
+        head, tail = text[: kept - kept // 2], text[len(text) - kept // 2 :]
+        end, begin = head.rfind(" ", 2 * len(head) // 3), tail.find(" ", 0, len(tail) // 3)
+        head, tail = head if end < 0 else head[: end + 1], tail[max(begin, 0) :]
+        text = f"{head}...{tail}"
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def shown_path(path: object) -> str:
+    """A file's name as messages repeat it."""
+    return shortened(str(path))
+
+
+def line(name: str, facts: Iterable[str]) -> str:
+    """A name, and in parentheses the facts that are not empty; of bounded length, on one line.
+
+    Where it would be too long, the longest fact is shortened.
+    """
+    shown = [" ".join(fact.split()) for fact in facts if fact]
+    excess = len(_joined(name, shown)) - MAX_LINE
+    if excess > 0:
+        number = max(range(len(shown)), key=lambda i: len(shown[i]))
+        shown[number] = shortened(shown[number], max(len(shown[number]) - excess, MIN_PART))
+    return shortened(" ".join(_joined(name, shown).split()), MAX_LINE)
+
+
+def _joined(name: str, facts: Iterable[str]) -> str:
+    return f"{name}({', '.join(facts)})"
+
+
+def phrase(text: object) -> str:
+    """A sentence or a name, as part of a line."""
+    return shortened(str(text), MAX_PART)
+
+
+def sentence(text: object) -> str:
+    """A sentence that is a fact of a line and may fill it; the line shortens it."""
+    return str(text)
+
+
+def count(number: int, noun: str) -> str:
+    """How many there are: "1 move", "2 moves", "2 bodies"."""
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"
+
+
+def listing(items: Collection[str], noun: str) -> str:
+    """How many named things there are, and which: "2 bodies: table, block"."""
+    listed = f": {phrase(', '.join(items))}" if items else ""
+    return f"{count(len(items), noun)}{listed}"
+
+
+def position(T: pin.SE3) -> str:
+    """Where a pose is: "(0.7, 0.15, -0.129) m"."""
+    return f"{numbers(T.translation.round(3))} m"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Some numbers, rounded: "(0.7, 0.15, -0.129)"."""
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in values)})"
+
+
+def millimetres(length_m: float) -> str:
+    """A length in the unit in which clearances and strokes are read: "18.8 mm"."""
+    if abs(length_m) >= MIN_M_WHOLE:
+        return f"{length_m:.4g} m"
+    return f"{round(1e3 * length_m, 1) + 0.0:.1f} mm"
+
+
+def clear(proven_m: float) -> str:
+    """A clearance that is proven, rounded down: "18.7 mm clear"."""
+    step_m = 1e-4 if abs(proven_m) < MIN_M_WHOLE else 1.0
+    floor_m = math.floor(proven_m / step_m) * step_m if math.isfinite(proven_m) else proven_m
+    return f"{millimetres(floor_m)} clear"
+
+
+def seconds(time_s: float) -> str:
+    """A time or duration: "4.31 s"."""
+    return f"{round(time_s, 2) + 0.0:.2f} s" if abs(time_s) < MIN_S_WHOLE else f"{time_s:.4g} s"
+
+
+def side_of(joint_names: Sequence[str]) -> str:
+    """Whose joints these are: "left", or how many where that is not told by their names."""
+    sides = {name.split("_")[0] for name in joint_names}
+    return sides.pop() if len(sides) == 1 else count(len(joint_names), "joint")
+
+
+def _changed_fields(value: Any) -> Iterator[str]:
+    for field in fields(value):
+        given = getattr(value, field.name)
+        if field.repr and (field.default is MISSING or not is_default(given, field.default)):
+            yield f"{field.name}={shown(given)}"
+
+
+def is_default(given: object, default: object) -> bool:
+    """Whether the value of a field is that of its default, so that nothing is shown of it."""
+    if isinstance(given, Mapping) and isinstance(default, Mapping):
+        return not given and not default
+    is_array = isinstance(given, np.ndarray)
+    return given is default or (
+        type(given) is type(default) and not is_array and bool(given == default)
+    )
+
+
+def shown(value: object) -> str:
+    """A value as part of a line: numbers rounded, of a large array the shape."""
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.4g}"
+    if isinstance(value, tuple) and value and all(type(each) is float for each in value):
+        return numbers(value)
+    if isinstance(value, np.ndarray):
+        is_short = value.ndim == 1 and value.size <= MAX_SHOWN_NUMBERS and value.dtype.kind in "iuf"
+        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} array"
+    return quoted(value, MAX_PART)
+
+
+class _Quote(Repr):
+    """Writes values of any size shortly."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxtuple = self.maxlist = self.maxarray = self.maxdict = MAX_QUOTED_ITEMS
+        self.maxset = self.maxfrozenset = self.maxdeque = MAX_QUOTED_ITEMS
+        self.maxstring = self.maxother = self.maxlong = MAX_QUOTE
+
+    def repr_int(self, x: int, level: int) -> str:
+        """The number, or how large it is."""
+        bits = x.bit_length()
+        is_short = bits <= MAX_INTEGER_BITS
+        return super().repr_int(x, level) if is_short else f"an integer of {bits} bits"
+
+
+_QUOTE = _Quote()

@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin.display import (
+    MAX_QUOTE,
+    count,
+    listing,
+    millimetres,
+    position,
+    quoted,
+    seconds,
+    shortened,
+    shown,
+    side_of,
+)
+from baxter_kin.errors import FileError
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(anything)
+def test_a_quote_is_short_printable_and_on_one_line(value: object) -> None:
+    text = quoted(value)
+    assert len(text) <= MAX_QUOTE
+    assert text.encode()
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["x" * 10_000_000, list(range(1_000_000)), np.zeros(1_000_000), 10**100_000, [10**5_000] * 9],
+    ids=["text", "list", "array", "integer", "integers"],
+)
+def test_a_quote_of_something_huge_is_short(value: object) -> None:
+    assert len(quoted(value)) <= MAX_QUOTE
+
+
+def test_short_values_are_quoted_whole() -> None:
+    assert quoted([1.0, "a", None]) == "[1.0, 'a', None]"
+    assert quoted(np.eye(2)) == "array([[1., 0.], [0., 1.]])"
+
+
+@given(st.text(max_size=400))
+def test_a_text_keeps_its_ends(text: str) -> None:
+    short = shortened(text, 50)
+    assert len(short) <= 50
+    if len(text) <= 50:
+        assert short == text
+    elif " " not in text:
+        assert (short[:23], short[-23:]) == (text[:23], text[-23:])
+    else:
+        assert (short[:16], short[-16:]) == (text[:16], text[-16:])
+
+
+@given(st.lists(st.text("abcdefgh", min_size=1, max_size=6), min_size=20, max_size=60))
+def test_a_text_is_cut_between_words(words: list[str]) -> None:
+    text = " ".join(words)
+    short = shortened(text, 50)
+    if len(text) > 50:
+        head, tail = short.split(" ... ")
+        assert text.startswith(f"{head} ")
+        assert text.endswith(f" {tail}")
+        assert len(short) > 50 - 2 * 8
+
+
+def test_half_a_surrogate_pair_is_written_as_an_escape() -> None:
+    assert shortened("a\ud800") == "a\\ud800"
+    assert str(FileError("read", "\ud800", "no")) == "cannot read \\ud800: no"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.0 / 3.0, "0.3333"),
+        ((0.1, -0.0), "(0.1, 0)"),
+        ((), "()"),
+        (np.zeros(9), "9 array"),
+        (np.array([True]), "1 array"),
+        ("a\nb", "'a\\nb'"),
+    ],
+)
+def test_values_are_shown_rounded_and_large_arrays_by_their_shape(value: Any, text: str) -> None:
+    assert shown(value) == text
+
+
+def test_numbers_of_things_agree_with_their_nouns() -> None:
+    assert [count(n, "body") for n in (0, 1, 2)] == ["0 bodies", "1 body", "2 bodies"]
+    assert listing(["table", "block"], "body") == "2 bodies: table, block"
+    assert listing([], "move") == "0 moves"
+
+
+def test_no_number_is_shown_as_minus_zero() -> None:
+    T = pin.SE3(np.eye(3), np.array([-0.0, -1e-9, 0.7]))
+    assert position(T) == "(0, 0, 0.7) m"
+    assert millimetres(-1e-9) == "0.0 mm"
+    assert seconds(-1e-9) == "0.00 s"
+
+
+def test_joints_of_one_side_are_told_by_it_and_others_counted() -> None:
+    assert side_of(["left_s0", "left_s1"]) == "left"
+    assert side_of(["left_s0", "right_s0"]) == "2 joints"
+    assert side_of([]) == "0 joints"
