@@ -52,12 +52,7 @@ class EngineOptions:
 
 @contextmanager
 def engine_of(options: EngineOptions) -> Iterator[Engine]:
-    """The engine that the options choose; what it started ends with the block.
-
-    Raises:
-        EngineError: when a cluster does not answer, or cannot be started.
-        MissingLibraryError: when one is wanted and Dask is not installed.
-    """
+    """The engine that the options choose; what it started ends with the block."""
     if options.scheduler is None and options.local_cluster is None:
         yield LocalPool(options.jobs)
         return

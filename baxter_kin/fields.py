@@ -157,11 +157,7 @@ class NotCopied:
     __slots__ = ()
 
     def __reduce__(self) -> NoReturn:
-        """Refuse.
-
-        Raises:
-            CopyError: always.
-        """
+        """Refuse."""
         raise CopyError(
             f"a {type(self).__name__} holds an open file, socket or thread and cannot be pickled or"
             " copied; make another one where it is needed"

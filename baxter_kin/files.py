@@ -52,11 +52,7 @@ class Destination:
 
     @classmethod
     def of(cls, path: PathLike) -> Destination:
-        """Follow a path; nothing is opened or changed.
-
-        Raises:
-            FileError: when it leads to what is no regular file, or nowhere.
-        """
+        """Follow a path; nothing is opened or changed."""
         with _explained("write", path):
             place = _checked_path(path)
             try:
@@ -73,11 +69,7 @@ class Destination:
 
 
 def replace_file(path: PathLike, content: bytes) -> None:
-    """Write a file at once or not at all; nobody sees half of it.
-
-    Raises:
-        FileError: when it cannot be written.
-    """
+    """Write a file at once or not at all; nobody sees half of it."""
     destination = Destination.of(path)
     with _explained("write", path):
         if destination.status is not None and not os.access(destination.path, os.W_OK):
@@ -98,22 +90,14 @@ def replace_file(path: PathLike, content: bytes) -> None:
 
 
 def open_to_write(path: PathLike) -> IO[bytes]:
-    """A file to be written from its beginning, piece by piece; what it held is gone at once.
-
-    Raises:
-        FileError: when it cannot be opened.
-    """
+    """A file to be written from its beginning, piece by piece; what it held is gone at once."""
     destination = Destination.of(path)
     with _explained("write", path):
         return _opened(destination.path, os.O_WRONLY | os.O_CREAT, "wb")
 
 
 def open_to_read(path: PathLike) -> IO[bytes]:
-    """A regular file to be read; no other process is waited for.
-
-    Raises:
-        FileError: when it cannot be opened, or is no regular file.
-    """
+    """A regular file to be read; no other process is waited for."""
     with _explained("read", path):
         return _opened(_checked_path(path), os.O_RDONLY, "rb")
 

@@ -221,10 +221,6 @@ def checked_pose(pose: PoseLike, *, normalise: bool = False) -> pin.SE3:
         pose: an SE3 or 4 x 4 matrix seen from base, or a `StampedPose`.
         normalise: whether the rotation may be off by up to `ROUNDED_ROTATION_TOLERANCE`, as one of
             four written digits is; the nearest rotation is taken then, in the Frobenius norm.
-
-    Raises:
-        PoseError: when it is no pose: wrong shape, not finite, mirrored or sheared rotation, or a
-            last row other than 0, 0, 0, 1.
     """
     expect(normalise, bool, "normalise", PoseError)
     if isinstance(pose, StampedPose):
@@ -268,10 +264,6 @@ def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> FloatArray:
     Args:
         poses: as for `checked_pose`.
         first: the number of the first one, for error messages.
-
-    Raises:
-        PoseError: when one of them fails the tests of `checked_pose`; with its number. When
-            they have no length.
     """
     if not isinstance(poses, Sized):
         raise PoseError(f"poses must be a sequence, got {type(poses).__name__}")
@@ -344,9 +336,6 @@ def angle_between(R_base_a: FloatArray, R_base_b: FloatArray) -> float:
 
     Uses atan2(sin, cos) of the relative rotation: the arc cosine alone loses half the digits
     near zero.
-
-    Raises:
-        PoseError: when one of them is not a finite matrix of shape (3, 3).
     """
     R_a_base = finite_array(R_base_a, (3, 3), "R_base_a", PoseError).T
     R = R_a_base @ finite_array(R_base_b, (3, 3), "R_base_b", PoseError)

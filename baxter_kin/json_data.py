@@ -45,10 +45,6 @@ def to_json(value: Any, hint: Any, what: str, error: type[BaxterError]) -> Json:
         hint: its declared type.
         what: its name in messages.
         error: the class to raise.
-
-    Raises:
-        BaxterError: when the value is not of that type, the type has no place in a file, or a
-            number is not finite.
     """
     kept = f"cannot be kept: {what}"
     try:
@@ -62,11 +58,7 @@ def to_json(value: Any, hint: Any, what: str, error: type[BaxterError]) -> Json:
 
 
 def from_json(data: Json, hint: Any, what: str, error: type[BaxterError]) -> Any:
-    """The value that JSON data stands for; arguments as of `to_json`.
-
-    Raises:
-        BaxterError: when the data is no such value; says where it is not.
-    """
+    """The value that JSON data stands for; arguments as of `to_json`."""
     try:
         return _CONVERTER.structure(data, hint)
     except (BaseValidationError, UnfitError, RecursionError) as cause:

@@ -21,11 +21,7 @@ class UnfitError(BaxterError):
 
 
 def as_text(data: Json, error: type[BaxterError]) -> str:
-    """JSON on one line, ASCII, without needless spaces.
-
-    Raises:
-        BaxterError: when a number is not finite.
-    """
+    """JSON on one line, ASCII, without needless spaces."""
     try:
         return json.dumps(data, allow_nan=False, separators=(",", ":"))
     except ValueError as cause:
@@ -45,12 +41,7 @@ def as_lines(data: Json, indent: str = "\n") -> str:
 
 
 def from_text(text: str | bytes, error: type[BaxterError]) -> Json:
-    """The data that JSON says, as text or in UTF-8.
-
-    Raises:
-        BaxterError: when it is no complete JSON, is nested too deeply, or has an entry twice or a
-            number that is not finite or of too many digits.
-    """
+    """The data that JSON says, as text or in UTF-8."""
     hooks: dict[str, Any] = {"parse_float": _finite, "parse_constant": _finite, "parse_int": _short}
     try:
         whole = text if isinstance(text, str) else text.decode()

@@ -106,10 +106,6 @@ class _PresetOf:
             Args:
                 name: one of `PRESETS`. "safe" is what arms have when loaded; "torque-control" is
                     for a Baxter whose joints are driven by torques, and inside what such have done.
-
-            Raises:
-                UnknownNameError: when there is no such preset.
-                LimitsError: when the limits are not those of a Baxter's arm.
             """
             chosen = _PRESETS.get(name) if isinstance(name, str) else None
             if chosen is None:

@@ -116,9 +116,5 @@ class Baxter:
 
 
 def given_or_stock(robot: Baxter | None, error: type[BaxterError]) -> Baxter:
-    """The robot that was given, or the stock robot.
-
-    Raises:
-        BaxterError: of class `error`, when it is of another class.
-    """
+    """The robot that was given, or the stock robot."""
     return Baxter.load() if robot is None else expect(robot, Baxter, "robot", error)

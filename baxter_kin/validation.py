@@ -64,10 +64,6 @@ def finite_array(
         shape: the required shape.
         what: the subject of the error message, such as "position_m".
         error: the class to raise.
-
-    Raises:
-        BaxterError: of class `error`, when the values are not numbers, of another shape, or not
-            finite.
     """
     array = float_array(values, what, error)
     if array.shape != shape:
@@ -76,11 +72,7 @@ def finite_array(
 
 
 def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> FloatArray:
-    """The same of shape (n, `width`), for any n.
-
-    Raises:
-        BaxterError: of class `error`, as `finite_array`.
-    """
+    """The same of shape (n, `width`), for any n."""
     array = float_array(values, what, error)
     if array.ndim != 2 or array.shape[1] != width:
         raise error(f"{what} has shape {array.shape}; it must have shape (n, {width})")
@@ -88,11 +80,7 @@ def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterErro
 
 
 def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
-    """One finite number.
-
-    Raises:
-        BaxterError: of class `error`, when it is not one.
-    """
+    """One finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise error(f"{what} must be a number, got {quoted(value)}")
     try:
@@ -105,11 +93,7 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
 
 
 def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float:
-    """One finite number above zero.
-
-    Raises:
-        BaxterError: of class `error`, when it is not one.
-    """
+    """One finite number above zero."""
     number = finite_scalar(value, what, error)
     if number <= 0.0:
         raise error(f"{what} must be above zero, got {number}")
@@ -119,11 +103,7 @@ def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float
 def whole_scalar(
     value: object, what: str, error: type[BaxterError], *, least: int, most: int
 ) -> int:
-    """One whole number between two others, both allowed.
-
-    Raises:
-        BaxterError: of class `error`, when it is not one.
-    """
+    """One whole number between two others, both allowed."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
         number = int(value)
         if least <= number <= most:
@@ -135,9 +115,6 @@ def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Float
     """A float copy of `values`, of any shape, finite or not.
 
     Real numbers alone: text, truth values, complex numbers, times and masked entries are refused.
-
-    Raises:
-        BaxterError: of class `error`, when the values are not real numbers.
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise error(f"{what} has masked entries; give every number, or NaN where that is allowed")
@@ -178,23 +155,14 @@ E = TypeVar("E", bound=Enum)
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
-    """`value`, known to be of that class.
-
-    Raises:
-        BaxterError: of class `error`, when it is of another.
-    """
+    """`value`, known to be of that class."""
     if not isinstance(value, kind):
         raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
     return value
 
 
 def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
-    """All `values`, known to be of that class.
-
-    Raises:
-        BaxterError: of class `error`, when they are no sequence, one is of another class, or they
-            are more than `MAX_ITEMS`.
-    """
+    """All `values`, known to be of that class."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise error(f"{what} must be a sequence, got {type(values).__name__}")
     first = islice(values, MAX_ITEMS + 1)
@@ -211,9 +179,6 @@ def member_of(choices: type[E], kind: str, name: object) -> E:
         choices: the enumeration.
         kind: what it lists, such as "frame".
         name: its value, or the member itself.
-
-    Raises:
-        UnknownNameError: when there is none.
     """
     try:
         return choices(name)
@@ -245,9 +210,6 @@ def check_fields(value: Any, error: type[BaxterError], *, may_be_nan: tuple[str,
         value: the object.
         error: the class to raise.
         may_be_nan: fields of numbers that may be none.
-
-    Raises:
-        BaxterError: of class `error`, with the name of the field, what it should be and what came.
     """
     kind: Any = type(value)
     for name, wanted, test in _tests_of(kind):

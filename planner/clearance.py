@@ -151,11 +151,7 @@ ContinuousResult: TypeAlias = ContinuousProof | ContinuousContact
 
 
 def checked_margin_m(margin_m: float) -> float:
-    """A safety margin, if it is one.
-
-    Raises:
-        MotionError: when it is no number, or negative.
-    """
+    """A safety margin, if it is one."""
     checked = finite_scalar(margin_m, "margin_m", MotionError)
     if checked < 0.0:
         raise MotionError(f"a safety margin is not negative, got {checked:g} m")

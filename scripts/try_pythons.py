@@ -152,11 +152,7 @@ def requirements() -> list[str]:
 
 
 def run(*command: str) -> str:
-    """What a command that went well has said.
-
-    Raises:
-        CommandError: with all that it has said, when it did not.
-    """
+    """What a command that went well has said."""
     done = subprocess.run(
         command,
         cwd=CHECKOUT,

@@ -37,11 +37,7 @@ class Output(NotCopied, OneLine):
     """A file that is written piece by piece. Once that has failed, it says so every time."""
 
     def __init__(self, path: PathLike) -> None:
-        """Open the file, in place of an older one.
-
-        Raises:
-            RecordingError: when it cannot be opened.
-        """
+        """Open the file, in place of an older one."""
         self._path = checked_path(path)
         self._failure: str | None = None
         with self._explained():
@@ -54,11 +50,7 @@ class Output(NotCopied, OneLine):
 
     @contextmanager
     def writing(self) -> Iterator[IO[bytes]]:
-        """The file, to write a piece of it inside a `with`.
-
-        Raises:
-            RecordingError: when it cannot be written, now or earlier; it is closed then.
-        """
+        """The file, to write a piece of it inside a `with`."""
         if self._failure is not None:
             raise RecordingError(self._failure)
         try:
@@ -71,11 +63,7 @@ class Output(NotCopied, OneLine):
             raise
 
     def close(self) -> None:
-        """Close the file; twice is no trouble.
-
-        Raises:
-            RecordingError: when what is left cannot be written.
-        """
+        """Close the file; twice is no trouble."""
         with self._explained():
             self._stream.close()
 
@@ -94,11 +82,7 @@ class LineFile(NotCopied, OneLine):
     """
 
     def __init__(self, path: PathLike) -> None:
-        """Open the file, in place of an older one.
-
-        Raises:
-            RecordingError: when it cannot be opened.
-        """
+        """Open the file, in place of an older one."""
         self._output = Output(path)
 
     def __enter__(self) -> LineFile:
@@ -108,22 +92,13 @@ class LineFile(NotCopied, OneLine):
         self.close()
 
     def write(self, line: str) -> None:
-        """Write one line, given without its end.
-
-        Raises:
-            RecordingError: when it cannot be written, or an earlier one could not; the file is
-                closed then.
-        """
+        """Write one line, given without its end."""
         with self._output.writing() as stream:
             stream.write(line.encode() + b"\n")
             stream.flush()
 
     def close(self) -> None:
-        """Close the file; twice is no trouble.
-
-        Raises:
-            RecordingError: when what is left cannot be written.
-        """
+        """Close the file; twice is no trouble."""
         self._output.close()
 
     def _facts(self) -> tuple[str, ...]:
@@ -131,11 +106,7 @@ class LineFile(NotCopied, OneLine):
 
 
 def checked_path(path: object) -> Path:
-    """A path.
-
-    Raises:
-        RecordingError: when it is neither text nor a Path.
-    """
+    """A path."""
     plain = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(plain, str):
         raise RecordingError(f"a path must be text or a Path, got {type(path).__name__}")
@@ -144,11 +115,7 @@ def checked_path(path: object) -> Path:
 
 @contextmanager
 def explained(what: str) -> Iterator[None]:
-    """Make a `RecordingError` of what the system complains about; its message begins with `what`.
-
-    Raises:
-        RecordingError: when the system complains.
-    """
+    """Turn system errors into a `RecordingError` whose message begins with `what`."""
     try:
         yield
     except RecordingError:
@@ -161,11 +128,7 @@ def explained(what: str) -> Iterator[None]:
 
 
 def read_lines(path: PathLike) -> Iterator[Line]:
-    """The lines of a text file, UTF-8, one after the other; a line ends with LF or CR LF.
-
-    Raises:
-        RecordingError: when the file cannot be read, is no regular file, or holds no text.
-    """
+    """The lines of a text file, UTF-8, one after the other; a line ends with LF or CR LF."""
     file = checked_path(path)
     with opened(file) as stream:
         number = 0
@@ -184,22 +147,14 @@ def read_lines(path: PathLike) -> Iterator[Line]:
 
 @contextmanager
 def opened(path: PathLike) -> Iterator[IO[bytes]]:
-    """A file, opened for reading without waiting for another process to write it.
-
-    Raises:
-        RecordingError: when it cannot be read, or is no regular file.
-    """
+    """A file, opened for reading without waiting for another process to write it."""
     file = checked_path(path)
     with explained(f"cannot read {shown_path(file)}"), open_to_read(file) as stream:
         yield stream
 
 
 def replace_file(path: PathLike, content: bytes) -> None:
-    """Write a file at once or not at all; an older one is replaced.
-
-    Raises:
-        RecordingError: when it cannot be written.
-    """
+    """Write a file at once or not at all; an older one is replaced."""
     file = checked_path(path)
     with explained(f"cannot write {shown_path(file)}"):
         files.replace_file(file, content)

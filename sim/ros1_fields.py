@@ -86,11 +86,7 @@ class MessageMaker:
         self._checks = tuple((name, check) for name, check in checks if check is not None)
 
     def make(self, values: object) -> Message:
-        """A message of fields' values, by name; of a time or duration seconds will do.
-
-        Raises:
-            RosMessageError: when there is no such field, or a value does not fit.
-        """
+        """A message of fields' values, by name; of a time or duration seconds will do."""
         if type(values) is self._class:
             return values
         if self._is_time and isinstance(values, (int, float)):
@@ -108,11 +104,7 @@ class MessageMaker:
         return self._class(**filled)
 
     def check(self, message: Message) -> None:
-        """See that arrays have the numbers that the fields have; the library only copies them.
-
-        Raises:
-            RosMessageError: when one has not, or the message is of another type.
-        """
+        """See that arrays have the numbers that the fields have; the library only copies them."""
         if type(message) is not self._class:
             raise RosMessageError(f"not a {self._name}: {quoted(message)}")
         fault = self.fault(message)

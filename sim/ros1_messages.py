@@ -66,18 +66,11 @@ class MessageType(OneLine):
         Args:
             **values: by field. An array is a list or an array, text a str, a message within it one
                 or the mapping of its fields, a time or duration that or a number of seconds.
-
-        Raises:
-            RosMessageError: when there is no such field, or a value does not fit.
         """
         return self._maker.make(values)
 
     def serialise(self, message: Message) -> bytes:
-        """The message as it is sent and stored.
-
-        Raises:
-            RosMessageError: when it is of another type, or a value does not fit its field.
-        """
+        """The message as it is sent and stored."""
         self._maker.check(message)
         try:
             return bytes(self._store.serialize_ros1(message, self._full_name))
@@ -85,12 +78,7 @@ class MessageType(OneLine):
             raise RosMessageError(f"cannot serialise a {self.name}: {cause}") from cause
 
     def deserialise(self, data: bytes | memoryview) -> Message:
-        """The message that was sent or stored; its arrays are read-only.
-
-        Raises:
-            RosMessageError: when the bytes are no message of this type: too few, too many, lengths
-                beyond them, or text that is not UTF-8.
-        """
+        """The message that was sent or stored; its arrays are read-only."""
         from rosbags.serde import SerdeError  # noqa: PLC0415 - an extra
 
         try:
@@ -143,12 +131,7 @@ class MessageTypes(OneLine):
         self._services: dict[str, ServiceType] = {}
 
     def message(self, name: str) -> MessageType:
-        """The type of a message.
-
-        Raises:
-            RosMessageError: when it is not known.
-            RosError: when the package `rosbags` is missing.
-        """
+        """The type of a message."""
         expect(name, str, "name", RosMessageError)
         if name not in self._messages:
             if name.count("/") != 1 or _full_name(name) not in self._store.fielddefs:
@@ -160,12 +143,7 @@ class MessageTypes(OneLine):
         return self._messages[name]
 
     def service(self, name: str) -> ServiceType:
-        """The type of a service.
-
-        Raises:
-            RosMessageError: when it is not known.
-            RosError: when the package `rosbags` is missing.
-        """
+        """The type of a service."""
         expect(name, str, "name", RosMessageError)
         if name not in self._services:
             if name not in self._added_services:

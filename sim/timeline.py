@@ -32,11 +32,7 @@ class Clock:
     """
 
     def __init__(self, tick_s: float) -> None:
-        """At time zero.
-
-        Raises:
-            SimulationError: when the tick is not a number or shorter than `SHORTEST_TICK_S`.
-        """
+        """At time zero."""
         self._tick_s = positive_scalar(tick_s, "tick_s", SimulationError)
         if self._tick_s < SHORTEST_TICK_S:
             raise SimulationError(
@@ -101,12 +97,7 @@ class Timeline(Clock):
         observers: Iterable[Observer],
         tick_s: float,
     ) -> None:
-        """At time zero.
-
-        Raises:
-            SimulationError: when the tick is not a number or too short, or one of the observers is
-                of another class.
-        """
+        """At time zero."""
         super().__init__(tick_s)
         self._world, self._grippers = world, grippers
         self._observers = expect_all(observers, Observer, "the observers", SimulationError)
@@ -171,11 +162,7 @@ class Timeline(Clock):
             observer.on_event(event)
 
     def spawn(self, body: Body) -> None:
-        """Add a body to the world, and tell; a movable one falls on what is below it.
-
-        Raises:
-            SceneError: as of `World.spawn`.
-        """
+        """Add a body to the world, and tell; a movable one falls on what is below it."""
         self._world.spawn(body)
         on = " and ".join(self._world.supports.get(body.name, ()))
         on = f", at rest on {on}" if on else ""
@@ -183,11 +170,7 @@ class Timeline(Clock):
         self.tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
 
     def delete(self, name: str) -> None:
-        """Remove a body from the world, and tell.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Remove a body from the world, and tell."""
         body = self._world.body(name)
         self._world.delete(name)
         self.tell(EventKind.DELETED, f"{name} deleted", body=body)

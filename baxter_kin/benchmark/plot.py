@@ -36,11 +36,7 @@ def supported_formats() -> tuple[str, ...]:
 
 
 def draw(rows: Sequence[Measurement], path: Path) -> None:
-    """Draw one panel for each arm and scenario, in the format that the file's name ends in.
-
-    Raises:
-        FileError: when the file cannot be written.
-    """
+    """Draw one panel for each arm and scenario, in the format that the file's name ends in."""
     panels: dict[str, list[Measurement]] = {}
     for row in rows:
         panels.setdefault(f"{row.limb} arm, {row.scenario.caption}", []).append(row)

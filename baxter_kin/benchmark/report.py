@@ -98,11 +98,7 @@ class BenchmarkOutcome:
     batches: Sequence[BatchMeasurement]
 
     def write(self, path: Path) -> None:
-        """Write every number as JSON; what is infinite or not a number becomes null.
-
-        Raises:
-            FileError: when the file cannot be written.
-        """
+        """Write every number as JSON; what is infinite or not a number becomes null."""
         text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
         replace_file(path, text.encode())
 

@@ -74,10 +74,6 @@ def as_baxter(given: Urdf, stock: Urdf) -> Urdf:
     Args:
         given: what somebody's URDF describes from `ROOT` on.
         stock: the robot as it is drawn.
-
-    Raises:
-        DescriptionError: when it is not a Baxter; one sentence that begins with "its" and says
-            which joint is missing, of another kind, or how far off.
     """
     given = Urdf(given.root, tuple(map(_without_motor, given.joints)))
     without = tuple(side for side in SIDES if not _has_fingers(given, side))

@@ -177,20 +177,12 @@ NONE = "none"
 
 
 def hand_of(text: str) -> ElectricGripper | None:
-    """What a command line says is on a flange: "none", or the words of `ElectricGripper.of`.
-
-    Raises:
-        ConfigurationError: when it is neither.
-    """
+    """What a command line says is on a flange: "none", or the words of `ElectricGripper.of`."""
     return None if text == NONE else ElectricGripper.of(text)
 
 
 def checked_hands(hands: object) -> Mapping[str, HandMount]:
-    """Hands by the side that they are on.
-
-    Raises:
-        DescriptionError: when they are not such a mapping; says what came.
-    """
+    """Hands by the side that they are on."""
     if not isinstance(hands, Mapping):
         raise DescriptionError(
             f"hands are given by side, such as {{'right': ElectricGripper(slot=3)}}, got "
@@ -268,9 +260,6 @@ def with_known_meshes(tree: Urdf, drawn: Urdf) -> Urdf:
     """A tree whose fingers and tips have the meshes that it states, placed as they are drawn.
 
     One that states none has that of the stock robot. No other link but a tool states shapes.
-
-    Raises:
-        DescriptionError: when it states a mesh that is not known.
     """
     return Urdf(tree.root, tuple(_with_known_mesh(joint, drawn) for joint in tree.joints))
 

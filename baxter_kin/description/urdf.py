@@ -86,10 +86,6 @@ class UrdfShape:
         mesh: the name of a mesh of Rethink's, without folder and ending; empty for all others.
         xyz: where it is on the link, m.
         rpy: how it is turned there: roll, pitch, yaw about the link's x, y, z in this order, rad.
-
-    Raises:
-        DescriptionError: when a value is of another class, a number is not finite, or the lengths
-            are not as many as the kind has, or not above zero.
     """
 
     kind: ShapeKind
@@ -153,9 +149,6 @@ class Urdf:
     Attributes:
         root: the link that is on no other.
         joints: in order of the text; each stands for the link that is its child.
-
-    Raises:
-        DescriptionError: when two joints or two links have one name, or they are no tree.
     """
 
     root: str
@@ -213,11 +206,7 @@ def below(root: str, joints: Iterable[UrdfJoint]) -> tuple[UrdfJoint, ...]:
 
 
 def check_once(kind: str, names: Sequence[str]) -> None:
-    """Refuse a name that is there twice.
-
-    Raises:
-        DescriptionError: when one is.
-    """
+    """Refuse a name that is there twice."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise DescriptionError(f"its {kind} {twice[0]} is there more than once")
@@ -305,12 +294,7 @@ _RUN_XACRO = "run xacro first, and give what it prints"
 
 
 def read_urdf(text: str | bytes, root: str) -> Urdf:
-    """What a text describes from one link on; links that are not on that one are left out.
-
-    Raises:
-        DescriptionError: when it is no URDF, lacks that link, or says something that makes no
-            sense.
-    """
+    """What a text describes from one link on; links that are not on that one are left out."""
     robot = _checked_robot(read_xml(text))
     names = [_name(link) for link in robot.all("link")]
     shapes = {

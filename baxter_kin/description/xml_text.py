@@ -54,9 +54,6 @@ def read_xml(text: str | bytes) -> Element:
 
     Args:
         text: the whole text; bytes are decoded as their first line says, else as UTF-8.
-
-    Raises:
-        DescriptionError: when it is no XML, too large, or declares a document type.
     """
     content, encoding = (
         (text.encode("utf-8", "replace"), "utf-8") if isinstance(text, str) else (text, None)

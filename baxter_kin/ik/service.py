@@ -59,13 +59,7 @@ class Requests:
             yield replace(self, poses=self.poses[part], seeds=seeds, first=self.first + at)
 
     def seed_table(self, arm: Arm) -> dict[SeedType, FloatArray]:
-        """The seeds of each type, shape (n, 7), rad; NaN where there is none.
-
-        Raises:
-            ConfigurationError: when a seed has another shape, is not finite, or lies too far
-                outside the arm's limits.
-            UnknownNameError: when a seed names a joint of another arm.
-        """
+        """The seeds of each type, shape (n, 7), rad; NaN where there is none."""
         table = {}
         if self.seeds is not None:
             table[SeedType.USER] = self._user_seeds(arm, self.seeds)
@@ -94,11 +88,7 @@ def _checked_seed(arm: Arm, seed: SeedLike, what: str) -> FloatArray:
 
 
 def as_list(values: Iterable[Any], what: str) -> list[Any]:
-    """Poses or seeds of known number.
-
-    Raises:
-        RequestError: when they are no sequence, or more than `MAX_POSES`.
-    """
+    """Poses or seeds of known number."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise RequestError(f"{what} must be a sequence, got {type(values).__name__}")
     if not isinstance(values, Sized):

@@ -245,11 +245,7 @@ class Arm:
 
 
 def known_limb(side: object) -> str:
-    """The name of a limb.
-
-    Raises:
-        UnknownNameError: when it is neither "left" nor "right".
-    """
+    """The name of a limb."""
     if not isinstance(side, str) or side not in LIMBS:
         raise UnknownNameError("limb", side, LIMBS)
     return str(side)

@@ -53,13 +53,7 @@ class DHParameters:
 
     @classmethod
     def of(cls, arm: Arm) -> DHParameters:
-        """Read them off the model of an arm.
-
-        Raises:
-            RequestError: when `arm` is of another class.
-            DescriptionError: when it is no chain of seven revolute joints, or two neighbouring axes
-                are nearly parallel.
-        """
+        """Read them off the model of an arm."""
         expect(arm, Arm, "arm", RequestError)
         z, o = _axes(arm)
         normals = np.cross(z[:-1], z[1:])

@@ -160,12 +160,7 @@ class SymbolicArm:
 
     @classmethod
     def of(cls, arm: Arm) -> SymbolicArm:
-        """Build the expressions for one arm.
-
-        Raises:
-            RequestError: when `arm` is of another class.
-            DescriptionError: when it is not built like Baxter's.
-        """
+        """Build the expressions for one arm."""
         dh = DHParameters.of(arm)
         chain, base = SymbolicChain.of(dh), dh.T_base_first
         R_base = ca.SX(base.rotation)

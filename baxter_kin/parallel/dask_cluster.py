@@ -85,11 +85,6 @@ class DaskCluster(OneLine):
         Args:
             scheduler: its address, such as "tcp://10.0.0.1:8786", or a client of it.
             patience_s: how long a run goes on without any worker.
-
-        Raises:
-            MissingLibraryError: when Dask is not installed.
-            RequestError: when the patience is not above zero.
-            EngineError: when the scheduler does not answer, or has no worker.
         """
         self._patience_s = positive_scalar(patience_s, "patience_s", RequestError)
         self._distributed = _distributed()
@@ -117,11 +112,6 @@ class DaskCluster(OneLine):
         Args:
             workers: how many.
             patience_s: how long a run goes on without any worker.
-
-        Raises:
-            MissingLibraryError: when Dask is not installed.
-            RequestError: when there is not a whole number of workers, at least one.
-            EngineError: when they cannot be started.
         """
         whole_scalar(workers, "workers", RequestError, least=1, most=MAX_WORKERS)
         distributed = _distributed()
@@ -150,11 +140,6 @@ class DaskCluster(OneLine):
         """Items and the answers of the task, as they arrive.
 
         When all workers are lost it logs a warning and waits for new ones.
-
-        Raises:
-            EngineError: when the scheduler is lost, or all workers for good, or when an item kills
-                more workers than Dask's `distributed.scheduler.allowed-failures`.
-            Exception: what a task raises.
         """
         ended: SimpleQueue[Any] = SimpleQueue()
         running: dict[Any, int] = {}

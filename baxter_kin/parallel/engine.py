@@ -64,10 +64,6 @@ class Engine(Protocol):
         """Items and the answers of the task, as they arrive.
 
         When the caller stops, no further task is started.
-
-        Raises:
-            EngineError: when there are no workers, or an item kills them.
-            Exception: what a task raises.
         """
 
 
@@ -96,11 +92,7 @@ class LocalPool(OneLine):
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        """Choose how many; by default one for each core that this process may use.
-
-        Raises:
-            RequestError: when it is not a whole number from 1 to `MAX_WORKERS`.
-        """
+        """Choose how many; by default one for each core that this process may use."""
         chosen = _usable_cores() if workers is None else workers
         self.workers = whole_scalar(chosen, "workers", RequestError, least=1, most=MAX_WORKERS)
 
@@ -110,10 +102,6 @@ class LocalPool(OneLine):
         """Items and the answers of the task, as they arrive.
 
         When the caller stops, running tasks are ended.
-
-        Raises:
-            EngineError: when workers die `MAX_LOSSES` times during an item, or none starts.
-            Exception: what a task raises.
         """
         left, losses, failed_starts = Backlog(len(items)), Counter[int](), 0
         while left:

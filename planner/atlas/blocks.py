@@ -93,11 +93,7 @@ class Blocks(Sequence[Block], OneLine):
         return Blocks(self.shape, runs[runs[:, 0] < runs[:, 1]])
 
     def index(self, block: object, start: int = 0, stop: int | None = None) -> int:
-        """Where a block stands among these.
-
-        Raises:
-            ValueError: when it is not among them, or not between `start` and `stop`.
-        """
+        """Where a block stands among these."""
         run = self._run_of(block)
         if run is not None:
             begin = int(self._before[run] - self._runs[run, 0])

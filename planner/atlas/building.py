@@ -109,11 +109,7 @@ def build_reach_map(
 
 
 def compute_block(task: BlockTask) -> BlockReport:
-    """Compute one block of a map and store it: what workers do.
-
-    Raises:
-        AtlasError: when there is another map now, or it cannot be written.
-    """
+    """Compute one block of a map and store it: what workers do."""
     path, block, identity = task
     found, searches = _opened_with_searches(path, identity)
     begun = time.process_time()
@@ -145,9 +141,6 @@ def check_size(cells: int, most_cells: int, option: str = "most_cells") -> None:
         cells: how many it would have.
         most_cells: how many it may have.
         option: what the message calls that.
-
-    Raises:
-        AtlasError: when they are more.
     """
     if cells > most_cells:
         raise AtlasError(
@@ -179,11 +172,7 @@ def check_same(
     rotations: RotationGrid,
     arms: tuple[str, ...],
 ) -> None:
-    """Refuse to go on with a map that is of something else, or was begun with other software.
-
-    Raises:
-        AtlasError: when it is; says of what.
-    """
+    """Refuse to go on with a map that is of something else, or was begun with other software."""
     is_same = {
         "robot": found.digest == robot.digest,
         "grid of positions": found.positions == positions,

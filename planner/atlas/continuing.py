@@ -22,9 +22,6 @@ def check_continued(
         is_same: of each thing that the map is of, whether it is the one that is asked for.
         software: versions by name that the map was begun with; empty where it does not name them.
         is_complete: whether all its blocks are stored.
-
-    Raises:
-        AtlasError: when it is; says of what, or which versions differ.
     """
     other = [what for what, same in is_same.items() if not same]
     if other:

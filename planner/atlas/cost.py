@@ -109,10 +109,6 @@ def estimate(
             longer.
         most_positions: how many positions to search at most.
         seed: which positions are drawn.
-
-    Raises:
-        AtlasError: when there is nothing to measure, such as no arm or no time.
-        MissingLibraryError: when Zarr is not installed.
     """
     positive_scalar(measure_s, "measure_s", AtlasError)
     whole_scalar(most_positions, "most_positions", AtlasError, least=1, most=10**9)

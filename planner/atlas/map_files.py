@@ -40,11 +40,7 @@ COMPRESSION = 3
 
 
 def _zarr_library() -> Any:
-    """Zarr, which only who builds or reads maps needs.
-
-    Raises:
-        MissingLibraryError: when it is not installed, or is older than version 3.
-    """
+    """Zarr, which only who builds or reads maps needs."""
     try:
         import zarr  # noqa: PLC0415
     except ImportError as cause:
@@ -78,9 +74,6 @@ def create_arrays(
         chunked: those that are computed block by block.
         shape: how many arms, and positions along x, y and z.
         block_edge: positions along each side of a block.
-
-    Raises:
-        AtlasError: when there is something at that path, or it cannot be written.
     """
     check_vacant(path, (*whole, *(array.name for array in chunked)))
     zarr = _zarr_library()
@@ -124,9 +117,6 @@ def check_vacant(path: Path, left: Collection[str] = ()) -> None:
     Args:
         path: which.
         left: arrays that a call which was killed may have left there.
-
-    Raises:
-        AtlasError: when it is no folder, has something in it, or cannot be looked at or written.
     """
     with explained(path):
         is_taken = path.exists() and (not path.is_dir() or not _has_only(path, left))
@@ -139,11 +129,7 @@ def check_vacant(path: Path, left: Collection[str] = ()) -> None:
 
 
 def check_writable(path: Path, folder: Path) -> None:
-    """Refuse a map when the folder that blocks go to cannot be written, before much is done.
-
-    Raises:
-        AtlasError: when it cannot.
-    """
+    """Refuse a map when the folder that blocks go to cannot be written, before much is done."""
     with explained(path):
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
@@ -155,21 +141,13 @@ def nearest_folder(path: Path) -> Path:
 
 
 def is_map(path: Path) -> bool:
-    """Whether there is a map at that path, or at least what may be one.
-
-    Raises:
-        AtlasError: when the path cannot be looked at.
-    """
+    """Whether there is a map at that path, or at least what may be one."""
     with explained(path):
         return (path / "zarr.json").exists()
 
 
 def open_group(path: Path, layout: Layout = REACH_MAP) -> Any:
-    """The group of a map that exists.
-
-    Raises:
-        AtlasError: when there is none, or it is of another format or version.
-    """
+    """The group of a map that exists."""
     zarr = _zarr_library()
     if not is_map(path):
         raise AtlasError(f"there is no map at {shown_path(path)}; build one there first")
@@ -231,11 +209,7 @@ def bytes_on_disk(path: Path) -> int:
 
 @contextmanager
 def explained(path: Path, what: str = "the map") -> Iterator[None]:
-    """Say in one sentence what is wrong with files.
-
-    Raises:
-        AtlasError: when they cannot be read or written, or are damaged.
-    """
+    """Say in one sentence what is wrong with files."""
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", category=UserWarning, module="zarr")

@@ -88,11 +88,7 @@ class ReachSearch:
     """
 
     def __init__(self, arm: Arm, rotations: RotationGrid) -> None:
-        """Prepare it.
-
-        Raises:
-            DescriptionError: when the arm is not built like Baxter's.
-        """
+        """Prepare it."""
         self._arm, self._bound, self._ik = arm, ReachBound(arm), IKService(arm)
         self.backend = str(self._ik.backend.value)
         is_shared = is_coaxial(self._bound.T_last_tip)

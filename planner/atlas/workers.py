@@ -17,9 +17,6 @@ def opened_for_work(path: str, identity: str) -> ReachMap:
         path: its folder.
         identity: `ReachMap.identity`, as whoever made the task has seen it: workers of a cluster
             live longer than maps.
-
-    Raises:
-        AtlasError: when there is another map at that path.
     """
     found = ReachMap(path)
     if found.identity != identity:

@@ -27,9 +27,6 @@ def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> boo
         trajectory: the motion.
         is_free: asked for each sample.
         step_rad: farthest that a joint moves between two samples.
-
-    Raises:
-        TrajectoryError: when the motion is no `Trajectory`, or the step no number above zero.
     """
     times = sample_times(trajectory, step_rad)
     qs = trajectory.sample(times).q
@@ -37,11 +34,7 @@ def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> boo
 
 
 def sample_times(trajectory: Trajectory, step_rad: float) -> FloatArray:
-    """Times between which no joint moves by more than `step_rad`, both ends included.
-
-    Raises:
-        TrajectoryError: when the motion is no `Trajectory`, or the step no number above zero.
-    """
+    """Times between which no joint moves by more than `step_rad`, both ends included."""
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     positive_scalar(step_rad, "step_rad", TrajectoryError)
     if trajectory.duration == 0.0:

@@ -489,11 +489,7 @@ class _Document:
 
 
 def save_response(response: Response, limb: str, path: PathLike) -> None:
-    """Write how an arm follows; speed and lead are not saved.
-
-    Raises:
-        ResponseError: when the file cannot be written.
-    """
+    """Write how an arm follows; speed and lead are not saved."""
     lags = tuple((float(least), float(most)) for least, most in response.lag_s)
     errors = tuple(response.settled_error_rad.tolist())
     document = _Document(FORMAT, VERSION, limb, lags, errors)
@@ -505,12 +501,7 @@ def save_response(response: Response, limb: str, path: PathLike) -> None:
 
 
 def load_response(path: PathLike, limb: str) -> Response:
-    """Read how an arm follows its set-points.
-
-    Raises:
-        ResponseError: when the file cannot be read, contains something else, is of the other arm,
-            or a number in it is invalid.
-    """
+    """Read how an arm follows its set-points."""
     try:
         with open_to_read(path) as stream:
             content = stream.read(MAX_BYTES)

@@ -306,11 +306,7 @@ class Kernel:
     """The library, loaded."""
 
     def __init__(self, library: str) -> None:
-        """Load it.
-
-        Raises:
-            OSError: when it cannot be loaded, or is another.
-        """
+        """Load it."""
         found = ctypes.CDLL(library)
         try:
             self._find, version = found.find_rows, found.rows_version()
@@ -481,9 +477,6 @@ class Kernel:
             step: what must keep apart.
             margin_m: what counted pairs must keep, where they need not keep more.
             share: how much of the least distance that is met shall be proven.
-
-        Raises:
-            NotShownError: when a pair is not shown to keep what it must, or that takes too many.
         """
         motion = step.q if step.motion is None else step.motion
         pairs = trees.pairs(step)

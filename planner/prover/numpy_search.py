@@ -65,9 +65,6 @@ def rows_of(robot: Joints, clusters: Clusters, step: Step, margin_m: float) -> R
         clusters: all clusters of the step.
         step: what must keep apart.
         margin_m: what counted pairs must keep, where they need not keep more.
-
-    Raises:
-        NotShownError: when a pair is not shown to keep what it must.
     """
     pairs = [
         replace(pair, least_m=max(pair.least_m, margin_m)) if pair.is_counted else pair

@@ -31,9 +31,6 @@ def witness_of(
         margins_m: what each step must keep; 0 when not given.
         share: how much of the least distance that is met shall be proven; without a C compiler,
             margins alone count.
-
-    Raises:
-        NotShownError: when a pair is not shown to keep what it must.
     """
     asked = [0.0] * len(steps) if margins_m is None else margins_m
     kernel = rows_kernel()

@@ -67,9 +67,6 @@ def travel_to_contact(
         direction: unit vector in that frame, shape (3,).
         still: the other shape, placed in the same frame.
         room_m: how far it may move at most.
-
-    Raises:
-        SceneError: when an argument is malformed, or the direction is not of unit length.
     """
     along = _unit(direction)
     finite_scalar(room_m, "room_m", SceneError)
@@ -244,11 +241,7 @@ def coal_shape(shape: Shape) -> coal.CollisionGeometry:
 
 
 def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
-    """A shape as convex shapes of coal, whose depth inside another is known: itself, or triangles.
-
-    Raises:
-        SceneError: when it is a mesh that is not convex, of more than `MAX_TOUCHED_TRIANGLES`.
-    """
+    """Convex shapes of coal, whose depth in another is known: the shape itself, or triangles."""
     if not isinstance(shape, Mesh) or shape.is_convex:
         return (coal_shape(shape),)
     if len(shape.triangles) > MAX_TOUCHED_TRIANGLES:
@@ -337,11 +330,7 @@ def _filled(empty: coal.BVHModelBase, vertices: FloatArray, triangles: Indices) 
 
 
 def shape_of(geometry: coal.CollisionGeometry) -> Shape:
-    """Coal's shape as ours.
-
-    Raises:
-        SceneError: when it is neither box, cylinder, sphere nor convex.
-    """
+    """Coal's shape as ours."""
     if isinstance(geometry, coal.Box):
         x, y, z = (2 * geometry.halfSide).tolist()
         return Box((x, y, z))

@@ -98,11 +98,7 @@ def cuboid(size_m: tuple[float, float, float]) -> Mesh:
 
 
 def checked_size(value: float, what: str) -> float:
-    """An edge or radius that distances can be measured to.
-
-    Raises:
-        SceneError: when it is shorter than `SMALLEST_SHAPE_M` or longer than `LARGEST_SHAPE_M`.
-    """
+    """An edge or radius that distances can be measured to."""
     if not SMALLEST_SHAPE_M <= value <= LARGEST_SHAPE_M:
         raise SceneError(
             f"{what} is {value:g} m; shapes between {SMALLEST_SHAPE_M:g} m and "

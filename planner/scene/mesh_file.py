@@ -79,11 +79,7 @@ def _factors(scale: float | Sequence[float]) -> FloatArray:
 
 
 def _unit_m(path: Path) -> float:
-    """The unit of a COLLADA file, which assimp does not apply; 1 for any other.
-
-    Raises:
-        ValueError: when it is not a number above zero.
-    """
+    """The unit of a COLLADA file, which assimp does not apply; 1 for any other."""
     if path.suffix.lower() != ".dae" or not path.is_file():
         return 1.0
     found = _COLLADA_UNIT.search(path.read_bytes())

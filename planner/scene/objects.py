@@ -68,11 +68,7 @@ def make_block(
 
 
 def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
-    """Red, green, blue and opacity of a colour that is given, or else of that name, or grey.
-
-    Raises:
-        SceneError: when there is no such colour.
-    """
+    """Red, green, blue and opacity of a colour that is given, or else of that name, or grey."""
     if colour is None:
         return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
     if isinstance(colour, str):

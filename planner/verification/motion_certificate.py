@@ -358,9 +358,6 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
     """The certificate with the greatest share of the least distance that can be shown.
 
     Without a C compiler, with the greatest of some margins.
-
-    Raises:
-        NotShownError: when not even that all keeps clear can be shown.
     """
 
     def found(**asked: Any) -> Witness | NotShownError:

@@ -104,9 +104,6 @@ class SoughtTimeline(Timeline):
             document: what a plan file holds.
             urdf: text of the robot's URDF.
             limits: what accelerations and jerks are judged by; the presets when not given.
-
-        Raises:
-            NotCertifiedError: when the plan breaks a rule that is not about rows.
         """
         self.found: list[StepWitness] = []
         plan, states = document["plan"], document["states"]
@@ -115,11 +112,7 @@ class SoughtTimeline(Timeline):
         super().__init__(plan, states, robot, self._body, unknown, limits=limits)
 
     def witness(self) -> Witness:
-        """What leads the checker through the plan.
-
-        Raises:
-            NotShownError: when a pair is not shown to keep what it must.
-        """
+        """What leads the checker through the plan."""
         robot = self.robot
         less_m = LESS_M + 2.0 * robot.skew * robot.stroke_m  # by which the checker widens fingers
 

@@ -42,9 +42,6 @@ def robot_limits(
 
     Positions and velocities are the URDF's; acceleration and jerk are stated nowhere on the robot,
     so they are the toolkit's named defaults (`baxter_kin.limits`).
-
-    Raises:
-        LimitsError: when a number is not above zero.
     """
     given = {"acceleration": acceleration, "jerk": jerk}
     said = {name: "the caller" for name, value in given.items() if value is not None}

@@ -95,11 +95,7 @@ class Build:
         return len(everyone)
 
     def finished(self) -> dict[str, Any]:
-        """What it says at its end.
-
-        Raises:
-            RuntimeError: when it fails.
-        """
+        """What it says at its end."""
         said, _ = self.process.communicate()
         if self.process.returncode != 0:
             last = self._log.read_text().splitlines()[-30:]

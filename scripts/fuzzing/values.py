@@ -198,11 +198,7 @@ BY_ANNOTATION: tuple[tuple[str, Make], ...] = (
 
 
 def valid_value(target: Target, parameter: inspect.Parameter, stage: Stage) -> Any:
-    """A value that the parameter allows.
-
-    Raises:
-        LookupError: when none is known.
-    """
+    """A value that the parameter allows."""
     if target.name in TAKEN_FROM:
         return getattr(stage[TAKEN_FROM[target.name]], parameter.name)
     full = f"{target.name}.{parameter.name}"

@@ -64,9 +64,6 @@ def executed(
         python: an interpreter with the package and ipykernel installed; None for this one, with the
             packages of this checkout.
         watching: gives what is called after each cell, and ends with the kernel.
-
-    Raises:
-        nbclient.exceptions.CellExecutionError: when a cell fails.
     """
     for _ in range(ATTEMPTS - 1):
         try:

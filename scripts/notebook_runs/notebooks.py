@@ -74,11 +74,7 @@ def digest(notebook: NotebookNode) -> str:
 
 
 def exercises(notebook: NotebookNode) -> Iterator[Exercise]:
-    """The exercises of a notebook, in order.
-
-    Raises:
-        ValueError: when a solution does not follow its exercise.
-    """
+    """The exercises of a notebook, in order."""
     for index, cell in enumerate(notebook.cells):
         found = SOLUTION.search(cell.source) if cell.cell_type == "markdown" else None
         if found is None:

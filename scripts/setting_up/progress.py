@@ -79,9 +79,6 @@ def watched(
 
     Returns:
         Its status, and the last lines of its output.
-
-    Raises:
-        OSError: when it cannot be started.
     """
     progress = Progress(doing)
     lines: queue.Queue[str] = queue.Queue()

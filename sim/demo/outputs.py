@@ -36,9 +36,6 @@ def outputs(
         world: what is shown.
         narrator: reports what was written.
         cleanup: finishes the files.
-
-    Raises:
-        RecordingError: when a file cannot be written.
     """
     robot = world.robot
     if options.csv is not None and options.dwell_s is None:
@@ -56,11 +53,7 @@ def outputs(
 
 
 def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]:
-    """The function that adds plans to the file for a robot to play back, if there is one.
-
-    Raises:
-        RecordingError: when the file cannot be written.
-    """
+    """The function that adds plans to the file for a robot to play back, if there is one."""
     if options.csv is None or options.dwell_s is None:
         return lambda _: None
     file = cleanup.enter_context(PlanCsvFile(options.csv, dwell_s=options.dwell_s))
@@ -98,9 +91,6 @@ def live_view(
         world: the scene that is shown first.
         narrator: reports where it is served.
         cleanup: closes the view.
-
-    Raises:
-        ViewerError: when it cannot be served.
     """
     if options.is_headless:
         return ()

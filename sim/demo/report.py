@@ -150,11 +150,7 @@ class Report(Observer):
         }
 
     def write(self, path: Path) -> None:
-        """Write the report as JSON.
-
-        Raises:
-            FileError: when the file cannot be written.
-        """
+        """Write the report as JSON."""
         text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
         replace_file(path, text.encode())
 

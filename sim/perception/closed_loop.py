@@ -216,9 +216,6 @@ def mean_of(bodies: Sequence[Body]) -> Body:
 
     The mean of the orientations is taken on the tangent space at the first one, which is exact for
     turns about one axis.
-
-    Raises:
-        SimulationError: when there is none.
     """
     if not bodies:
         raise SimulationError("the mean of no sightings is nowhere; give at least one")
@@ -232,11 +229,7 @@ def mean_of(bodies: Sequence[Body]) -> Body:
 
 
 def split_at_close(plan: Plan) -> tuple[Plan, Plan]:
-    """A plan up to the end of its first closing of the fingers, and the rest of it.
-
-    Raises:
-        SimulationError: when it closes none.
-    """
+    """A plan up to the end of its first closing of the fingers, and the rest of it."""
     steps = expect(plan, Plan, "plan", SimulationError).steps
     closes = [
         number

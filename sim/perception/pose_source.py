@@ -55,11 +55,7 @@ class PoseSource(Protocol):
 
 
 def checked_source(source: PoseSource, what: str) -> PoseSource:
-    """A source of poses, if it is one.
-
-    Raises:
-        SimulationError: when it has no method `look`, or is a class whose object is missing.
-    """
+    """A source of poses, if it is one."""
     if isinstance(source, type) or not callable(getattr(source, "look", None)):
         raise SimulationError(
             f"{what} must be an object with a method look(name, time_s), such as TruePoses(world), "

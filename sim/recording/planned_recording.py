@@ -24,11 +24,6 @@ def planned_recording(
         plan: a valid plan; the world it begins in is its own `start`.
         robot: the robot that it is for; the stock robot when not given.
         body: what that is taken to be; `RobotBody.load()` when not given.
-
-    Raises:
-        RecordingError: when it is no plan, an invalid one, or for another robot.
-        SceneError: when its state has what this robot cannot be put into, likewise
-            `ConfigurationError` and `SimulationError`.
     """
     expect(plan, Plan, "plan", RecordingError)
     if plan.failure is not None:

@@ -29,11 +29,7 @@ def record_option(group: str, *, repeats: bool = False) -> Any:
 
 
 def recorder_of(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
-    """What records to a file with one of `RECORD_SUFFIXES`; the stack finishes the file.
-
-    Raises:
-        RecordingError: when the file cannot be written.
-    """
+    """What records to a file with one of `RECORD_SUFFIXES`; the stack finishes the file."""
     from sim.recording.log_recorder import LogRecorder  # noqa: PLC0415 - loads NumPy
     from sim.recording.npz_file import save_recording  # noqa: PLC0415 - likewise
     from sim.recording.recorder import Recorder  # noqa: PLC0415 - likewise

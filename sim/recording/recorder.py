@@ -123,11 +123,7 @@ class RecordingMemory:
         self.samples: deque[CommandSample] = deque()
 
     def recording(self) -> Recording:
-        """All of it.
-
-        Raises:
-            RecordingError: when there is no snapshot yet.
-        """
+        """All of it."""
         if not self.rows:
             raise RecordingError("the recording is empty: nothing was simulated")
         self.forget_the_past()

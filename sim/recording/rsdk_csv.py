@@ -34,9 +34,6 @@ class CsvFile(NotCopied, OneLine):
         Args:
             path: the file; an older one is replaced.
             limbs: the arms that have columns.
-
-        Raises:
-            RecordingError: when the file cannot be written.
         """
         header = csv_header(limbs)
         self._row = ",".join([_TIME, *[_VALUE] * (len(header) - 1)])
@@ -56,29 +53,18 @@ class CsvFile(NotCopied, OneLine):
             time_s: time.
             arms: the arms one after the other, shape (7 m,) for m arms, rad.
             percent: their grippers, shape (m,).
-
-        Raises:
-            RecordingError: when the file cannot be written.
         """
         self.write_row(time_s, arms.tolist(), percent.tolist())
 
     def write_row(self, time_s: float, joints: list[float], percent: list[float]) -> None:
-        """The same from plain numbers.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """The same from plain numbers."""
         values = []
         for i, gripper in enumerate(percent):
             values += [*joints[7 * i : 7 * i + 7], gripper]
         self._file.write(self._row.format(time_s, *values))
 
     def close(self) -> None:
-        """Close the file.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Close the file."""
         self._file.close()
 
     def _facts(self) -> tuple[str, ...]:
@@ -125,11 +111,7 @@ def csv_header(limbs: Sequence[str] = LIMBS) -> list[str]:
 
 
 def arm_indices(joint_names: tuple[str, ...], limbs: Sequence[str] = LIMBS) -> list[int]:
-    """Where the joints of the arms stand in a configuration.
-
-    Raises:
-        RecordingError: when one is missing.
-    """
+    """Where the joints of the arms stand in a configuration."""
     wanted = [f"{side}_{joint}" for side in limbs for joint in JOINTS]
     missing = [name for name in wanted if name not in joint_names]
     if missing:

@@ -243,20 +243,10 @@ TYPES = MessageTypes(MESSAGES, SERVICES)
 
 
 def message_type(name: str) -> MessageType:
-    """The type of a message, such as "baxter_core_msgs/JointCommand".
-
-    Raises:
-        RosMessageError: when it is not known.
-        RosError: when the package `rosbags` is missing.
-    """
+    """The type of a message, such as "baxter_core_msgs/JointCommand"."""
     return TYPES.message(name)
 
 
 def service_type(name: str) -> ServiceType:
-    """The type of a service, such as "baxter_core_msgs/SolvePositionIK".
-
-    Raises:
-        RosMessageError: when it is not known.
-        RosError: when the package `rosbags` is missing.
-    """
+    """The type of a service, such as "baxter_core_msgs/SolvePositionIK"."""
     return TYPES.service(name)

@@ -36,9 +36,6 @@ class Publisher(NotCopied, OneLine):
         """Send a message to all readers. Nobody is waited for: a slow reader gets the newest.
 
         A header's sequence number is filled in. Any thread may call it.
-
-        Raises:
-            RosMessageError: when it is of another type, or a value does not fit.
         """
         self._publication.publish(message)
 
@@ -47,9 +44,6 @@ class Publisher(NotCopied, OneLine):
 
         Args:
             **values: by field, as for `MessageType.make`.
-
-        Raises:
-            RosMessageError: when there is no such field, or a value does not fit.
         """
         if self._publication.readers or self._publication.latch:
             self._publication.publish(self.type.make(**values))

@@ -28,9 +28,6 @@ class Questions:
         Args:
             name: its name.
             default: the answer when it is not set.
-
-        Raises:
-            RosError: when it is not set and there is no default.
         """
         try:
             return self._master.call("getParam", full_name(name, self.name))
@@ -42,19 +39,11 @@ class Questions:
             return default
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Set a parameter for everybody.
-
-        Raises:
-            RosError: when XML-RPC cannot write the value.
-        """
+        """Set a parameter for everybody."""
         self._master.call("setParam", full_name(name, self.name), value)
 
     def delete_parameter(self, name: str) -> None:
-        """Remove a parameter, and those below it.
-
-        Raises:
-            RosError: when it is not set.
-        """
+        """Remove a parameter, and those below it."""
         self._master.call("deleteParam", full_name(name, self.name))
 
     def has_parameter(self, name: str) -> bool:

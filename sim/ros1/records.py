@@ -87,11 +87,7 @@ class _ExecutionLog(LogRecorder, SampleObserver):
     """The log, with a line for each sample."""
 
     def on_sample(self, sample: Sample) -> None:
-        """Write it.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Write it."""
         arrays = {name: getattr(sample, name).tolist() for name in _ARRAYS}
         plain = {name: getattr(sample, name) for name in _PLAIN}
         self._write({"sample": {"limb": sample.limb, **plain, **arrays}})
@@ -101,11 +97,7 @@ class _ExecutionMcap(McapRecorder, SampleObserver):
     """MCAP, with what was sent and measured."""
 
     def on_sample(self, sample: Sample) -> None:
-        """Write it.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Write it."""
         _write(self, sample)
 
 
@@ -113,11 +105,7 @@ class _ExecutionBag(BagRecorder, SampleObserver):
     """A bag of ROS 1, with what was sent and measured."""
 
     def on_sample(self, sample: Sample) -> None:
-        """Write it.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Write it."""
         _write(self, sample)
 
 
@@ -146,11 +134,7 @@ class _ExecutionArrays(SampleObserver):
         self._samples.append(sample)
 
     def save(self, path: Path) -> None:
-        """Write a recording with the samples as added arrays; nothing where nothing happened.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Write a recording with the samples as added arrays; nothing where nothing happened."""
         if self._recorder.has_snapshots:
             samples = self._samples
             added = {
@@ -164,11 +148,7 @@ _ARRAYS = ("q_path", "q_sent", "q_measured", "v_measured")
 
 
 def record_to(path: Path, robot: Baxter, stack: ExitStack) -> Observer:
-    """What records to a file, in the format of its suffix; the stack finishes it.
-
-    Raises:
-        RecordingError: when the suffix is not one of `SUFFIXES`, or the file cannot be written.
-    """
+    """What records to a file, in the format of its suffix; the stack finishes it."""
     if path.suffix not in SUFFIXES:
         raise RecordingError(f"{shown_path(path)} ends in none of {', '.join(SUFFIXES)}")
     return _MAKERS[path.suffix](path, robot, stack)

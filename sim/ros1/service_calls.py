@@ -43,11 +43,6 @@ class ServiceCalls:
             type_name: such as "gazebo_msgs/SpawnModel".
             request: made by the type's request.
             timeout_s: how long the service may take.
-
-        Raises:
-            RosConnectionError: when it does not exist, cannot be reached, or is silent.
-            ServiceRefused: when it answers with an error.
-            RosMessageError: when the request or its response does not fit the type.
         """
         name = full_name(service, self.name)
         kind = service_type(type_name)

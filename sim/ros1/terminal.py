@@ -145,11 +145,7 @@ class FileOptions:
 
 
 def file_observers(files: FileOptions, robot: Baxter, stack: ExitStack) -> list[Observer]:
-    """The observers that write the files; the stack finishes them.
-
-    Raises:
-        RecordingError: when a file cannot be written.
-    """
+    """The observers that write the files; the stack finishes them."""
     from sim.recording.rsdk_csv import CsvRecorder  # noqa: PLC0415
     from sim.ros1.records import record_to  # noqa: PLC0415
 

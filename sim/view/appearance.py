@@ -119,9 +119,6 @@ class Appearance:
         A hand without gripper is bare; fingers and tips are those that are mounted, and a tool is
         of its own shapes. Where a link is rigid to the one that a joint moves, the meshes go along
         when it sits elsewhere than on the stock robot.
-
-        Raises:
-            SimulationError: when the asset is missing or damaged.
         """
         drawn = Baxter.load(RobotDescription.drawn().text).model
         whole, tree = cls.load(), robot.description.tree
@@ -135,11 +132,7 @@ class Appearance:
 
     @classmethod
     def load(cls) -> Appearance:
-        """Read the asset, about half a megabyte; needs no mesh of the robot description.
-
-        Raises:
-            SimulationError: when the asset is missing or damaged.
-        """
+        """Read the asset, about half a megabyte; needs no mesh of the robot description."""
         try:
             with as_file(files("sim.view") / _ASSET) as path, np.load(path) as arrays:
                 return _from_arrays(dict(arrays))

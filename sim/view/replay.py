@@ -127,12 +127,7 @@ def replay_html(
     compare: Recording | Plan | None = None,
     uncounted: Collection[str] = (),
 ) -> str:
-    """The replay as the text of a page; arguments as of `Replay`.
-
-    Raises:
-        RecordingError: when there is nothing to replay, it is of another robot, or a plan is not
-            valid.
-    """
+    """The replay as the text of a page; arguments as of `Replay`."""
     known = given_or_stock(robot, RecordingError)
     hint = "; give that robot as robot=..." if robot is None else ""
     happened = _recording(recording, known, body, hint)

@@ -70,9 +70,6 @@ def encoded_content(
         body: what plans are made with, to be shown, too.
         compare: another recording of the same robot, shown as a ghost from its own start on.
         uncounted: names of bodies that are drawn only, and are no part of the clearance.
-
-    Raises:
-        RecordingError: when there is nothing to replay, or a recording is of another robot.
     """
     check_replayed(recording, robot)
     if compare is not None:
@@ -91,9 +88,6 @@ def check_replayed(shown: Recording | Plan, robot: Baxter, hint: str = "") -> No
         shown: what is to be replayed.
         robot: the robot.
         hint: what to do when it is another one.
-
-    Raises:
-        RecordingError: then.
     """
     if not isinstance(shown, Recording | Plan):
         raise RecordingError(f"a replay needs a Recording or a Plan, got {type(shown).__name__}")

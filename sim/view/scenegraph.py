@@ -78,9 +78,6 @@ class RobotTree:
             model: the whole robot; every joint turns or slides about one axis.
             appearance: what hangs on its joints.
             root: the node below which it stands.
-
-        Raises:
-            SimulationError: when the appearance names a joint that the model lacks.
         """
         self._model = model
         self._parts = appearance.parts

@@ -46,11 +46,7 @@ _PARTS = {
 
 
 def viewer_bundle() -> str:
-    """Meshcat's viewer: one JavaScript file that draws commands. Meshcat itself is not imported.
-
-    Raises:
-        ViewerError: when meshcat is not installed, or has no viewer.
-    """
+    """Meshcat's viewer: one JavaScript file that draws commands. Meshcat itself is not imported."""
     spec = find_spec("meshcat")
     folders = spec.submodule_search_locations if spec is not None else None
     for folder in folders or ():

@@ -15,11 +15,7 @@ from sim.world.world import World
 
 
 def movable(world: World, name: str) -> Body:
-    """The body of that name, if it is one to be carried.
-
-    Raises:
-        SceneError: when there is no such body, or it is not movable.
-    """
+    """The body of that name, if it is one to be carried."""
     body = world.body(name)
     if not body.is_movable:
         known = ", ".join(each.name for each in world.scene if each.is_movable)
@@ -32,13 +28,7 @@ def movable(world: World, name: str) -> Body:
 def goal(
     world: World, body: Body, to: tuple[float, float] | PoseLike | None, onto: str | None
 ) -> pin.SE3:
-    """Where a body is to go: T_base_body.
-
-    Raises:
-        SceneError: when the place is not one, or there is no such body to put it on.
-        PoseError: when a pose is not a valid one.
-        SimulationError: when not one of `to` and `onto` is given.
-    """
+    """Where a body is to go: T_base_body."""
     if (to is None) == (onto is None):
         raise SimulationError(
             "say where the block goes: to=(x, y), to=pose or onto='name', one of them"

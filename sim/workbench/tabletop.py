@@ -36,11 +36,7 @@ def on_table(x_m: float, y_m: float, edge_m: float, *, above_m: float = 0.0) -> 
 
 
 def turned_on_table(x_m: object, y_m: object, yaw_rad: object, *, height_m: float) -> pin.SE3:
-    """Where the centre of a box on the table is that is turned about the vertical; seen from base.
-
-    Raises:
-        SceneError: when one of them is not a finite number, or the angle more than a turn.
-    """
+    """Pose in base of the centre of a box on the table that is turned about the vertical."""
     x, y = (finite_scalar(v, name, SceneError) for v, name in ((x_m, "x_m"), (y_m, "y_m")))
     yaw = finite_scalar(yaw_rad, "yaw_rad", SceneError)
     if abs(yaw) > 2.0 * math.pi:
@@ -62,11 +58,7 @@ def stacked(body: Body, below: Body) -> pin.SE3:
 
 
 def checked_place(to: object) -> tuple[float, float]:
-    """X and y of a place.
-
-    Raises:
-        SceneError: when it is not two numbers.
-    """
+    """X and y of a place."""
     try:
         x, y = finite_array(to, (2,), "a place", SceneError).tolist()  # type: ignore[arg-type]
     except SceneError as cause:
@@ -78,11 +70,7 @@ def checked_place(to: object) -> tuple[float, float]:
 
 
 def checked_size(size_m: object) -> tuple[float, float, float]:
-    """The three edges of a box.
-
-    Raises:
-        SceneError: when they are not three finite numbers above zero.
-    """
+    """The three edges of a box."""
     try:
         x, y, z = finite_array(size_m, (3,), "size_m", SceneError).tolist()  # type: ignore[arg-type]
     except SceneError as cause:
@@ -108,11 +96,7 @@ def why_beside(T_base_body: pin.SE3, table: Body) -> str:
 
 
 def check_room(block: Body, scene: Scene) -> None:
-    """Raise when a block that is to be put on the table has no room there.
-
-    Raises:
-        SceneError: when it is wider than the table, beside it, or where something stands.
-    """
+    """Raise when a block that is to be put on the table has no room there."""
     too_wide = _why_too_wide(block, scene[TABLE])
     if too_wide:
         raise SceneError(f"no room for {quoted(block.name)}: {too_wide}")

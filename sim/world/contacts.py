@@ -71,11 +71,7 @@ class ContactWatch:
     """
 
     def __init__(self, world: World, *, looks: bool = True) -> None:
-        """Look at a world, or never at anything.
-
-        Raises:
-            SimulationError: when it is of another class.
-        """
+        """Look at a world, or never at anything."""
         self._world = expect(world, World, "world", SimulationError)
         self.is_trusted, self._looks = False, looks
         self._lasting: dict[str, frozenset[str]] = dict.fromkeys(LIMBS, frozenset())

@@ -41,9 +41,6 @@ class Leg:
     Attributes:
         T_base_body: where it begins.
         drop_m: how far it goes down, not negative.
-
-    Raises:
-        SimulationError: when a value is of another class, or it falls up.
     """
 
     T_base_body: pin.SE3

@@ -266,11 +266,7 @@ class ReachBound:
     """
 
     def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
-        """Read the arm's dimensions, half a millisecond.
-
-        Raises:
-            DescriptionError: when the model is not built like Baxter's.
-        """
+        """Read the arm's dimensions, half a millisecond."""
         self._arm = Linkage.of(arm.at_gripper)
         self._shells = Shells(self._arm)
         self._sweep, self._pose_sweep = ShoulderSweep(self._arm), PoseSweep(self._arm)
@@ -288,9 +284,6 @@ class ReachBound:
         Args:
             T_base_tip: the requested pose of the tip, as `checked_pose` returns it.
             is_thorough: whether it may take a second.
-
-        Raises:
-            PoseError: when the pose is not finite.
         """
         T_base_gripper = T_base_tip * self._T_tip_gripper
         if self._is_posed:
@@ -303,9 +296,6 @@ class ReachBound:
 
         Args:
             p_base_tip: shape (3,), m, in base.
-
-        Raises:
-            PoseError: when the position has another shape or is not finite.
         """
         p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
         point, bound = self._arm.T_base_first.actInv(p), "span"
@@ -326,9 +316,6 @@ class ReachBound:
 
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
-
-        Raises:
-            PoseError: when the pose is not finite.
         """
         proof = self._proof_by_shells(*self._target(T_base_tip * self._T_tip_gripper))
         return _less(proof, self._wrist_leeway_m)

@@ -46,9 +46,6 @@ class ClosedForm:
             arm: whose configurations.
             turns: how many angles of s0 are tried, in equal steps.
             rolls: from how many angles of w0 the substitution begins.
-
-        Raises:
-            DescriptionError: when the model is not built like Baxter's.
         """
         self._arm = Linkage.of(arm)
         self._q_min, self._q_max = arm.limits.q_min, arm.limits.q_max

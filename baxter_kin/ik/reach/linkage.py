@@ -125,11 +125,7 @@ class Linkage:
 
     @classmethod
     def of(cls, arm: Arm) -> Linkage:
-        """Read the numbers off the arm's model.
-
-        Raises:
-            DescriptionError: when its limits are so wide that the bounds below do not hold.
-        """
+        """Read the numbers off the arm's model."""
         dh = DHParameters.of(arm)
         a, d = dh.a_m.tolist(), dh.d_m.tolist()
         lengths = -a[0], d[1], -a[2], d[3], -a[4]

@@ -105,9 +105,6 @@ class Solver:
 
         Returns:
             None when these searches fail, or when the seed must be converted or checked first.
-
-        Raises:
-            PoseError: when there is no seed and the pose is invalid.
         """
         fast = self.fast
         if fast is None:

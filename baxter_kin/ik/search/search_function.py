@@ -110,11 +110,7 @@ class ArmNumbers:
 
     @classmethod
     def of(cls, arm: Arm) -> ArmNumbers:
-        """The numbers of an arm, whatever its tip.
-
-        Raises:
-            DescriptionError: when it is not built like Baxter's.
-        """
+        """The numbers of an arm, whatever its tip."""
         dh = DHParameters.of(arm.at_gripper)
         dimensions = dimensions_of(dh)
         shape = Shape.of(dimensions)

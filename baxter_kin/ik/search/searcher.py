@@ -210,12 +210,7 @@ class Searcher:
     def __init__(
         self, arm: Arm, backend: str | Backend = Backend.AUTO, tolerance: Tolerance = EXACT
     ) -> None:
-        """Prepare the search; without a working compiler it runs in the virtual machine.
-
-        Raises:
-            UnknownNameError: when there is no such backend.
-            DescriptionError: when the arm is not built like Baxter's.
-        """
+        """Prepare the search; without a working compiler it runs in the virtual machine."""
         self._task, self._map = Task.of(arm, tolerance), NullSpaceMap(arm, tolerance)
         self._numbers = ArmNumbers.of(arm)
         functions, self.backend = _evaluated(self._numbers.shape, Backend.of(backend))

@@ -272,11 +272,7 @@ class CurveKernel:
 
     @classmethod
     def of(cls, arm: Arm) -> CurveKernel:
-        """That of an arm, as machine code where it can be.
-
-        Raises:
-            DescriptionError: when the arm is not built like Baxter's.
-        """
+        """That of an arm, as machine code where it can be."""
         return _kernel(arm)
 
     def measured(self, q: FloatArray, T: FloatArray) -> Corrected:

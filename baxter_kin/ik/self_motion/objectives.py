@@ -142,11 +142,7 @@ def best_on(curve: SelfMotion, objective: Objective) -> FloatArray:
 
 
 def best_of(curves: Sequence[SelfMotion], objective: Objective) -> FloatArray:
-    """The best configuration of several curves of one arm, as `best_on` of one; one or more.
-
-    Raises:
-        RequestError: as `best_on`.
-    """
+    """The best configuration of several curves of one arm, as `best_on` of one; one or more."""
     _checked_objective(objective)
     arm, sizes = curves[0].arm, [len(curve.q) for curve in curves]
     costs = _checked_costs(objective, arm, np.concatenate([curve.q for curve in curves]))
@@ -172,12 +168,7 @@ def _along(curve: SelfMotion, objective: Objective) -> Callable[[float], float]:
 
 
 def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
-    """Among which solutions an objective chooses: all, unless it says otherwise.
-
-    Raises:
-        RequestError: when the objective is of another class, or a scope comes without one.
-        UnknownNameError: when there is no such scope.
-    """
+    """Among which solutions an objective chooses: all, unless it says otherwise."""
     if objective is not None:
         _checked_objective(objective)
     elif scope is not None:
@@ -188,11 +179,7 @@ def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
 
 
 def _checked_objective(objective: object) -> None:
-    """Refuse what cannot say costs.
-
-    Raises:
-        RequestError: when it has no method `costs`, or is a class whose object is missing.
-    """
+    """Refuse what cannot say costs."""
     if isinstance(objective, type) or not callable(getattr(objective, "costs", None)):
         raise RequestError(
             "objective must be an object with a method costs(arm, q), such as FarthestFromLimits() "

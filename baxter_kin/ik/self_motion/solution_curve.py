@@ -231,12 +231,7 @@ class SolutionCurve:
         return None
 
     def onto(self, q: FloatArray) -> FloatArray:
-        """The configuration next to `q` that reaches the pose inside the limits.
-
-        Raises:
-            ConfigurationError: when `q`, shape (7,), rad, misses the pose by more than
-                `POSE_MISMATCH`, or there is no such configuration.
-        """
+        """The configuration next to `q` that reaches the pose inside the limits."""
         limits = self.arm.limits
         miss = float(np.linalg.norm(self.error(q)))
         if miss > POSE_MISMATCH:

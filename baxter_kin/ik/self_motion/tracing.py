@@ -238,11 +238,7 @@ def trace_self_motion(
 
 
 def checked_step(step_rad: float) -> float:
-    """A step along a curve, if it may be asked for.
-
-    Raises:
-        RequestError: when it is not in `LEAST_STEP_RAD` .. `MOST_STEP_RAD`.
-    """
+    """A step along a curve, if it may be asked for."""
     step = positive_scalar(step_rad, "step_rad", RequestError)
     if not LEAST_STEP_RAD <= step <= MOST_STEP_RAD:
         allowed = f"{LEAST_STEP_RAD:g} .. {MOST_STEP_RAD:g}"

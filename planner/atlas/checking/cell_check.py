@@ -67,11 +67,7 @@ class Tally:
 
 
 def check_cells(task: CellTask) -> Tally:
-    """Check cells of a block.
-
-    Raises:
-        AtlasError: when the block cannot be read any more.
-    """
+    """Check cells of a block."""
     path, block, identity = task.block
     found, finders = _opened(path, identity)
     cells = found.read_block(block)

@@ -85,10 +85,6 @@ def check_map(
         engine: where; on all cores of this machine when not given.
         progress: called with how many blocks are read, how many there are, and "blocks"; then with
             how many cells are checked, how many are to be, and "cells".
-
-    Raises:
-        AtlasError: when nothing of the map is computed.
-        EngineError: when the engine is lost.
     """
     whole_scalar(cells, "cells", AtlasError, least=1, most=MOST_CELLS)
     engine = LocalPool() if engine is None else engine

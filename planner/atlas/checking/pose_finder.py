@@ -45,9 +45,6 @@ class PoseFinder:
             robot: whose arm; of it the description alone is used.
             side: of the arm.
             seed: of the configurations to start from.
-
-        Raises:
-            DescriptionError: when there is no such arm.
         """
         self._model, tip = pin.buildModelFromXML(robot.description.text), f"{side}_gripper"
         if not self._model.existFrame(tip):

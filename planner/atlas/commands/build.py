@@ -224,12 +224,7 @@ class RequestedMap:
 
 
 def requested_map(options: Build) -> RequestedMap:
-    """The map that the options ask for. What is not given is as in the map that is there.
-
-    Raises:
-        UsageError: when the grid has no cell, or too many, or the rotations cannot be read.
-        AtlasError: when what is at the path is another map, or no map, or is damaged.
-    """
+    """The map that the options ask for. What is not given is as in the map that is there."""
     path: Path = options.path
     if not is_map(path):
         check_vacant(path, ARRAYS)
@@ -315,11 +310,7 @@ def _cost_text(cost: Cost, engine: Engine) -> str:
 
 
 def _is_wanted(asked: RequestedMap, cost: Cost, *, is_sure: bool) -> bool:
-    """Whether to build it; asks where it is expensive.
-
-    Raises:
-        UsageError: when standard input is no terminal.
-    """
+    """Whether to build it; asks where it is expensive."""
     free = shutil.disk_usage(nearest_folder(asked.path)).free
     is_large = cost.core_s > LARGE_CORE_S or cost.size_bytes > LARGE_BYTES
     if is_sure or not (is_large or cost.size_bytes > LARGE_DISK_SHARE * free):

@@ -77,11 +77,7 @@ def complain(text: str) -> None:
 
 
 def write_report(path: Path | None, report: dict[str, Json]) -> None:
-    """Write a report as JSON, where a file is given.
-
-    Raises:
-        FileError: when it cannot be written.
-    """
+    """Write a report as JSON, where a file is given."""
     if path is not None:
         replace_file(path, as_lines(report).encode() + b"\n")
 

@@ -126,12 +126,7 @@ class Plot:
             raise UsageError(f"{given[0]} is of a figure; say where to write one by --out FILE")
 
     def run(self) -> int:
-        """Draw; returns the exit status.
-
-        Raises:
-            UsageError: when the options ask for what the map does not have.
-            BaxterError: when a map or a file fails.
-        """
+        """Draw; returns the exit status."""
         found = ReachMap(self.path)
         if self.out is not None:
             _write_figure(self.out, _drawn(found, self))
@@ -140,11 +135,7 @@ class Plot:
 
 
 def _write_figure(path: Path, figure: Figure) -> None:
-    """Write a figure, all of it or nothing; the same figure gives the same bytes.
-
-    Raises:
-        FileError: when it cannot be written.
-    """
+    """Write a figure, all of it or nothing; the same figure gives the same bytes."""
     from matplotlib import rc_context  # noqa: PLC0415 - an extra
 
     kind, content = path.suffix.lower().removeprefix("."), io.BytesIO()

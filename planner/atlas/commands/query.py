@@ -81,11 +81,7 @@ class _PoseQuestion(_Question):
 
     @property
     def T_base_tip(self) -> pin.SE3:
-        """The pose.
-
-        Raises:
-            UsageError: when the quaternion is zero.
-        """
+        """The pose."""
         with asked_for():
             return pose_from_quaternion(
                 (self.x, self.y, self.z), (self.qx, self.qy, self.qz, self.qw), normalise=True
@@ -266,12 +262,7 @@ class Query:
     )
 
     def run(self) -> int:
-        """Print the answer; returns 0 for a yes, 1 for a no.
-
-        Raises:
-            UsageError: when the pose is not a valid one, or the map has no such arm.
-            BaxterError: when the map or the task's file is not valid.
-        """
+        """Print the answer; returns 0 for a yes, 1 for a no."""
         status, sentences, data = self.question.answer(ReachMap(self.path))
         write_report(self.question.json, data)
         say("\n".join(sentences))

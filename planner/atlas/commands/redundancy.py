@@ -159,10 +159,6 @@ class Redundancy:
 
         Returns:
             The exit status: zero when all is there, and right as far as it was to be checked.
-
-        Raises:
-            UsageError: when the reach map has no such poses, or too many.
-            BaxterError: when something is wrong with maps or the engine.
         """
         reach_map = ReachMap(self.reach)
         others = reach_map.robot.configuration()

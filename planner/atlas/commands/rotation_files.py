@@ -26,11 +26,7 @@ MAX_BYTES = 300 * MOST_ROTATIONS
 
 
 def read_rotations(path: Path) -> RotationGrid:
-    """The rotations of a file, in their order.
-
-    Raises:
-        AtlasError: when it cannot be read, or has no rotation, too many, or invalid ones.
-    """
+    """The rotations of a file, in their order."""
     try:
         with open_to_read(path) as file:
             content = file.read(MAX_BYTES + 1)

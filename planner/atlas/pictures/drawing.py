@@ -27,11 +27,7 @@ MISSING_COLOUR, UNDECIDED_COLOUR = "#e07f05", "#d81b8c"
 
 
 def new_figure(width_inch: float, height_inch: float) -> Figure:
-    """An empty figure.
-
-    Raises:
-        MissingLibraryError: when Matplotlib is not installed.
-    """
+    """An empty figure."""
     try:
         from planner.atlas.pictures.notebook_figure import NotebookFigure  # noqa: PLC0415 - an extra
     except ImportError as cause:
@@ -50,11 +46,7 @@ class Panels:
     """
 
     def __init__(self, grid: PositionGrid, layers: Sequence[int]) -> None:
-        """Make an empty panel for each layer.
-
-        Raises:
-            MissingLibraryError: when Matplotlib is not installed.
-        """
+        """Make an empty panel for each layer."""
         self._grid, self._layers = grid, layers
         columns = min(len(layers), MOST_COLUMNS)
         rows = math.ceil(len(layers) / columns)

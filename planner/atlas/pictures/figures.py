@@ -60,11 +60,6 @@ def plot_reach_map(
         quantity: "share" of the rotations that are reached, the reachability index of Zacharias,
             Borst and Hirzinger (2007); or "margin", the greatest one of the rotations' witnesses.
         direction: where the tool shall point, in base, shape (3,); any when not given.
-
-    Raises:
-        UnknownNameError: when there is no such arm or quantity.
-        AtlasError: when a height lies outside of the map, or a block is damaged.
-        MissingLibraryError: when Matplotlib is not installed.
     """
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     if quantity not in QUANTITIES:
@@ -95,11 +90,6 @@ def plot_profile(
         reach_map: the map.
         arm: one of the map's, or "either" or "both" of them.
         direction: where the tool shall point, in base, shape (3,); any when not given.
-
-    Raises:
-        UnknownNameError: when there is no such arm.
-        AtlasError: when a block is damaged.
-        MissingLibraryError: when Matplotlib is not installed.
     """
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     rotations = _rotations(found, direction)
@@ -133,12 +123,6 @@ def plot_difference(
         heights_m: of the slices, above base; each is the nearest layer's.
         arm: one of the maps', or "either" or "both" of them.
         direction: where the tool shall point, in base, shape (3,); any when not given.
-
-    Raises:
-        UnknownNameError: when there is no such arm.
-        AtlasError: when the maps differ in positions or rotations, a height lies outside of them,
-            or a block is damaged.
-        MissingLibraryError: when Matplotlib is not installed.
     """
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     expect(other, ReachMap, "other", AtlasError)
@@ -156,11 +140,7 @@ def plot_difference(
 
 
 def layers_at(found: ReachMap, heights_m: Sequence[float]) -> list[int]:
-    """The layers nearest to the heights of a figure's slices, above base.
-
-    Raises:
-        AtlasError: when a height lies outside of the map, or there are none or too many.
-    """
+    """The layers nearest to the heights of a figure's slices, above base."""
     if not 1 <= len(heights_m) <= MOST_SLICES:
         raise AtlasError(f"a figure has 1 to {MOST_SLICES} slices, got {len(heights_m)} heights")
     return [layer_at(found, height) for height in heights_m]

@@ -63,10 +63,6 @@ def summarise(
         arm: one of the map's, or "either" or "both" of them.
         part: of the positions, by their indices; it is held in memory.
         rotations: which; all of them when not given.
-
-    Raises:
-        UnknownNameError: when the map has no such arm.
-        AtlasError: when a block is damaged, or no rotation is chosen.
     """
     codes = _codes(found, arm, part)
     if rotations is not None:
@@ -108,11 +104,7 @@ def layers(found: ReachMap) -> Iterator[tuple[int, Slices]]:
 
 
 def layer_at(found: ReachMap, height_m: float) -> int:
-    """The layer nearest to a height above base.
-
-    Raises:
-        AtlasError: when it lies outside of the map.
-    """
+    """The layer nearest to a height above base."""
     grid = found.positions
     layer = round(height_m / grid.step_m) - grid.first[2]
     if not 0 <= layer < grid.shape[2]:
@@ -129,9 +121,6 @@ def pointing(grid: RotationGrid, direction: ArrayLike) -> Indices:
     Args:
         grid: of the map.
         direction: in base, shape (3,), of any length.
-
-    Raises:
-        AtlasError: when it has no length.
     """
     towards = finite_array(direction, (3,), "direction", AtlasError)
     length = float(np.linalg.norm(towards))
@@ -144,11 +133,7 @@ def pointing(grid: RotationGrid, direction: ArrayLike) -> Indices:
 
 
 def check_arm(found: ReachMap, arm: str) -> None:
-    """Refuse an arm, or a pair of arms, that a map does not have.
-
-    Raises:
-        UnknownNameError: when it is none of the map's, nor "either" or "both" of two.
-    """
+    """Refuse an arm, or a pair of arms, that a map does not have."""
     pair = (EITHER, BOTH) if len(found.arms) > 1 else ()
     if arm not in (*found.arms, *pair):
         raise UnknownNameError("arm of this map", arm, (*found.arms, *pair))
@@ -195,9 +180,6 @@ def difference(
         part: of the positions, by their indices.
         arm: one of the maps', or "either" or "both" of them.
         rotations: of which the share is; all of them when not given.
-
-    Raises:
-        AtlasError: when the maps differ in positions or rotations.
     """
     same = found.rotations.matrices.shape == other.rotations.matrices.shape and np.allclose(
         found.rotations.matrices, other.rotations.matrices, rtol=0.0, atol=1e-9

@@ -70,14 +70,6 @@ def build_redundancy_map(
         engine: where; on all cores of this machine when not given.
         most_cells: what a map may have at most.
         progress: called for each block with how many are done, how many there are, and its report.
-
-    Raises:
-        AtlasError: when the map at that path is another one or was begun with other software, has
-            too many cells, or cannot be written, or when the reach map lacks blocks.
-        ConfigurationError: when `q_others` has another shape or is not finite.
-        EngineError: when the engine is lost, or has workers with other software; the blocks that
-            are stored stay.
-        MissingLibraryError: when Zarr is not installed.
     """
     path, subset = Path(path), Subset.of(reach_map) if subset is None else subset
     others = others_of(reach_map.robot, q_others)
@@ -106,11 +98,7 @@ def existing_map(
     *,
     most_cells: int = MOST_CELLS,
 ) -> RedundancyMap | None:
-    """The map at a path, which must be this one; None where one can be built.
-
-    Raises:
-        AtlasError: as `build_redundancy_map`; nothing was changed.
-    """
+    """The map at a path, which must be this one; None where one can be built."""
     subset.check(reach_map)
     check_size(subset, most_cells)
     _check_computed(reach_map, subset)
@@ -136,9 +124,6 @@ def check_size(subset: Subset, most_cells: int, option: str = "most_cells") -> N
         subset: what it would have.
         most_cells: how many it may have.
         option: what the message calls that.
-
-    Raises:
-        AtlasError: when they are more.
     """
     if len(subset) > most_cells:
         raise AtlasError(

@@ -145,11 +145,6 @@ def check_redundancy(
         seed: which are chosen.
         engine: where; on all cores of this machine when not given.
         progress: called with how many are done, and how many there are.
-
-    Raises:
-        AtlasError: when no cell of the map is computed and reachable, or it is of another reach
-            map.
-        EngineError: when the engine is lost.
     """
     whole_scalar(cells, "cells", AtlasError, least=1, most=10**9)
     if digest_of(reach_map) != found.reach_digest:

@@ -87,9 +87,6 @@ def estimate(
         measure_s: how long to measure; each stratum gets `LEAST` measurements, even if this takes
             longer.
         seed: what is drawn.
-
-    Raises:
-        AtlasError: when there is no time to measure, or the reach map lacks blocks.
     """
     positive_scalar(measure_s, "measure_s", AtlasError)
     subset = Subset.of(reach_map) if subset is None else subset

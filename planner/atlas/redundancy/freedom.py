@@ -83,21 +83,12 @@ class RedundancySearch(OneLine):
             side: of the arm.
             q_others: where all other joints stand, shape (19,); the other arm in neutral and all
                 hands closed when not given.
-
-        Raises:
-            UnknownNameError: when there is no such arm.
-            ConfigurationError: when `q_others` has another shape or is not finite.
-            DescriptionError: when the arm is not built like Baxter's.
         """
         self.side, self._arm = side, robot.arm(side)
         self._ik, self._collision = IKService(self._arm), SelfCollision(robot, side, q_others)
 
     def at(self, T_base_tip: PoseLike) -> Freedom:
-        """At one pose of the tip.
-
-        Raises:
-            PoseError: when the pose is not a valid one.
-        """
+        """At one pose of the tip."""
         return self._freedom(solutions(self._ik, T_base_tip, step_rad=STEP_RAD))
 
     def at_rolls(
@@ -145,10 +136,5 @@ def freedom_at(
         T_base_tip: the pose of its tip, seen from base.
         q_others: where all other joints stand, shape (19,); the other arm in neutral and all hands
             closed when not given.
-
-    Raises:
-        PoseError: when the pose is not a valid one.
-        UnknownNameError: when there is no such arm.
-        ConfigurationError: when `q_others` has another shape or is not finite.
     """
     return RedundancySearch(robot, side, q_others).at(T_base_tip)

@@ -81,12 +81,7 @@ class RedundancyMap(OneLine):
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open one.
-
-        Raises:
-            AtlasError: when there is none, or none that this toolkit reads.
-            MissingLibraryError: when Zarr is not installed.
-        """
+        """Open one."""
         self.path = Path(path)
         self._group = open_group(self.path, REDUNDANCY_MAP)
         facts: dict[str, Any] = dict(self._group.attrs)
@@ -111,11 +106,7 @@ class RedundancyMap(OneLine):
         *,
         backend: str,
     ) -> RedundancyMap:
-        """A new map with nothing computed.
-
-        Raises:
-            AtlasError: when there is something else at that path, or the subset is of another map.
-        """
+        """A new map with nothing computed."""
         subset.check(reach_map)
         attributes = {
             "format": REDUNDANCY_MAP.format,
@@ -180,10 +171,6 @@ class RedundancyMap(OneLine):
         Args:
             measure: a name of `MEASURES`, which are those of `Freedom`.
             side: of the arm.
-
-        Raises:
-            UnknownNameError: when there is no such measure or arm.
-            AtlasError: when a block is damaged.
         """
         if measure not in MEASURES:
             raise UnknownNameError("measure", measure, tuple(MEASURES))
@@ -200,11 +187,7 @@ class RedundancyMap(OneLine):
         return codes
 
     def cell(self, side: str, position: tuple[int, ...], rotation: int) -> RedundancyCell:
-        """What is known of one pose, by its indices in the reach map.
-
-        Raises:
-            AtlasError: when the subset does not have it, or its block is damaged.
-        """
+        """What is known of one pose, by its indices in the reach map."""
         axes = self.subset.x, self.subset.y, self.subset.z, self.subset.rotations
         given = *position, rotation
         if len(given) != 4 or any(i not in axis for i, axis in zip(given, axes, strict=True)):
@@ -226,9 +209,6 @@ class RedundancyMap(OneLine):
         """The cell of the nearest point of the subset and, there, the nearest rotation.
 
         However far that is: the cell says its pose.
-
-        Raises:
-            PoseError: when the pose is not a valid one.
         """
         T = checked_pose(T_base_tip)
         axes = map(np.array, (self.subset.x, self.subset.y, self.subset.z))
@@ -240,11 +220,7 @@ class RedundancyMap(OneLine):
         return self.cell(side, position, self.subset.rotations[rotation])
 
     def write_block(self, block: Block, freedom: Steps) -> None:
-        """Store a block, shape (positions, measures, rotations).
-
-        Raises:
-            AtlasError: when it cannot be written.
-        """
+        """Store a block, shape (positions, measures, rotations)."""
         pieces = self.subset.block_slices(block[1:])
         sizes = tuple(piece.stop - piece.start for piece in pieces)
         with explained(self.path):

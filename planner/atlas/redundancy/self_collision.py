@@ -44,10 +44,6 @@ class SelfCollision:
             side: of the arm that moves.
             q_others: a full configuration, shape (19,), that says where all other joints stand;
                 the other arm in neutral and all hands closed when not given.
-
-        Raises:
-            UnknownNameError: when there is no such arm.
-            ConfigurationError: when `q_others` has another shape or is not finite.
         """
         others = robot.configuration() if q_others is None else q_others
         checker = ClearanceChecker(RobotShapes(robot), robot.arm(side), Scene({}))

@@ -36,9 +36,6 @@ class Subset:
         y: the same along y.
         z: the same along z.
         rotations: indices of the map's rotations, ascending.
-
-    Raises:
-        AtlasError: when one of them is empty, or not ascending.
     """
 
     arms: tuple[str, ...]
@@ -86,10 +83,6 @@ class Subset:
             every_rotation: only every so many of them, or of all.
             tool_axis: a direction of the tool's z axis in base, shape (3,): all rolls about the
                 map's direction that is nearest to it, in place of `rotations`.
-
-        Raises:
-            AtlasError: when nothing is left, or an argument is not allowed.
-            UnknownNameError: when the map has no such arm.
         """
         for side in reach_map.arms if arms is None else arms:
             reach_map.check_arm(side)
@@ -142,12 +135,7 @@ class Subset:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
     def check(self, reach_map: ReachMap) -> None:
-        """Refuse to be of another map.
-
-        Raises:
-            AtlasError: when an index is beyond what the map has.
-            UnknownNameError: when the map has no such arm.
-        """
+        """Refuse to be of another map."""
         for side in self.arms:
             reach_map.check_arm(side)
         sizes = *reach_map.positions.shape, len(reach_map.rotations)

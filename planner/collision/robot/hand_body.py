@@ -40,9 +40,6 @@ def fitted(body: RobotBody, description: RobotDescription) -> RobotBody:
     """A body as the robot's hands have it; the same object where they are as in the body.
 
     Links that the robot lacks stay in it.
-
-    Raises:
-        SceneError: when the body has no finger or tip of a mesh that the robot has.
     """
     other = {link.name: link for link in _other_links(body, description)}
     if not other:

@@ -77,11 +77,7 @@ def shapes_of(body: RobotBody, there: frozenset[str]) -> tuple[LinkShape, ...]:
 
 @lru_cache(maxsize=512)
 def of_scene(made: LinkShape) -> Shape:
-    """A convex shape of a link as a scene has shapes, checked once.
-
-    Raises:
-        SceneError: when it is not convex.
-    """
+    """A convex shape of a link as a scene has shapes, checked once."""
     return shape_of(made.geometry)
 
 

@@ -63,12 +63,7 @@ class _Header:
 
 
 def read_table(file: object, lines: Iterator[Line]) -> Table:
-    """The table in the lines of a file.
-
-    Raises:
-        RecordingError: when it is empty, lacks the time or every arm, or has a malformed row; says
-            which line.
-    """
+    """The table in the lines of a file."""
     filled = (line for line in lines if line.text.strip())
     notes: list[str] = []
     header = _first_header(file, filled, notes)
@@ -136,11 +131,7 @@ def _header(file: object, names: list[str], separator: str | None, notes: list[s
 
 
 def _wanted(file: object, names: list[str]) -> list[str]:
-    """The columns to read: the time, the arms that are whole, and the grippers that are there.
-
-    Raises:
-        RecordingError: when there is no time or no arm, or an arm lacks some of its joints.
-    """
+    """The columns to read: the time, the arms that are whole, and the grippers that are there."""
     arms = {side: [name for name in arm_joints(side) if name in names] for side in LIMBS}
     missing = [] if "time" in names else ["time"]
     for side, found in arms.items():

@@ -62,10 +62,6 @@ def merged_recording(
         robot: whose joints they are.
         topic: where these were published; found when not given.
         notes: what was odd about the file.
-
-    Raises:
-        RecordingError: when no topic has all joints of an arm, or several have, or the numbers
-            cannot be of a Baxter's joints.
     """
     told = (*notes, *_not_finite_notes(messages))
     chosen, others = _topic(messages, topic, told)

@@ -76,11 +76,7 @@ class JointMessages:
     """
 
     def __init__(self, file: object, told: Iterable[Told]) -> None:
-        """Read all messages.
-
-        Raises:
-            RecordingError: when one is malformed; says which topic and when.
-        """
+        """Read all messages."""
         self.file = shown_path(file)
         self.states: dict[str, list[Heard]] = {}
         self.grippers: list[Heard] = []
@@ -90,12 +86,7 @@ class JointMessages:
             self._hear(message)
 
     def topic(self, asked: str | None) -> tuple[str, tuple[str, ...]]:
-        """The topic to read, and others that have arms, too.
-
-        Raises:
-            RecordingError: when the one that was asked for, or every one, has no arm, or several
-                have and none of them is `PREFERRED`.
-        """
+        """The topic to read, and others that have arms, too."""
         found = [topic for topic, states in self.states.items() if _has_arm(states)]
         if asked is not None and asked not in found:
             those = f"those that have: {', '.join(found)}" if found else "no topic has"

@@ -49,11 +49,7 @@ class _LogReader:
         self._poses: dict[str, FloatArray] = {}
 
     def hear(self, kind: str, data: Json) -> None:
-        """One more line.
-
-        Raises:
-            RecordingError: when it makes no sense here.
-        """
+        """One more line."""
         if kind not in _KINDS:
             raise RecordingError(f"has the entry {shown(kind)}; known are {', '.join(_KINDS)}")
         if self.stated is not None:

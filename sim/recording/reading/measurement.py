@@ -48,11 +48,7 @@ def limbs_in(names: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def noted_recording(measured: Measurement, robot: Baxter) -> NotedRecording:
-    """The recording of a measurement; a joint that was not measured stands in neutral.
-
-    Raises:
-        RecordingError: when the joints are not those of a Baxter that moves; says where.
-    """
+    """The recording of a measurement; a joint that was not measured stands in neutral."""
     rows, limbs = measured.rows, limbs_in(measured.rows.joints)
     notes = [*measured.notes, *_gap_notes(rows.times_s), *check_rows(rows, robot)]
     notes += [

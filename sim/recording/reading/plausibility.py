@@ -58,12 +58,7 @@ class Rows:
 
 
 def check_rows(rows: Rows, robot: Baxter) -> list[str]:
-    """A note for each joint that was outside its limits.
-
-    Raises:
-        RecordingError: when one was outside by more than `LIMIT_SLACK_RAD`, moved between two rows
-            as no Baxter does, or the numbers are an end point's pose; says which row.
-    """
+    """A note for each joint that was outside its limits."""
     notes: list[str] = []
     for side, arm in robot.arms.items():
         if not set(arm_joints(side)) <= rows.joints.keys():

@@ -34,11 +34,7 @@ class _BagFile(MessageFile):
     """A bag while it is being written."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:
-        """Open the file, in place of an older one.
-
-        Raises:
-            RecordingError: when the package `rosbags` is missing, or the file cannot be written.
-        """
+        """Open the file, in place of an older one."""
         super().__init__(path, joint_names)
         with self._output.writing() as stream:
             self._writer = _writer_to(stream)

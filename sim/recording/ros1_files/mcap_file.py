@@ -31,12 +31,7 @@ class _McapFile(MessageFile):
     """An MCAP file while it is being written."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:
-        """Open the file, in place of an older one.
-
-        Raises:
-            RecordingError: when the package `mcap` or `rosbags` is missing, or the file cannot be
-                written.
-        """
+        """Open the file, in place of an older one."""
         make_writer = _writer_class()
         super().__init__(path, joint_names)
         with self._output.writing() as stream:

@@ -51,11 +51,7 @@ _TYPES = MessageTypes({GRIPPER_STATE: GRIPPER_FIELDS})
 
 
 def message_type(name: str) -> MessageType:
-    """One of ROS 1's standard types, or `GRIPPER_STATE`.
-
-    Raises:
-        RecordingError: when the package that reads and writes them is missing.
-    """
+    """One of ROS 1's standard types, or `GRIPPER_STATE`."""
     try:
         return _TYPES.message(name)
     except RosError as cause:
@@ -63,11 +59,7 @@ def message_type(name: str) -> MessageType:
 
 
 def nanoseconds(time_s: float) -> int:
-    """A time as ROS keeps it.
-
-    Raises:
-        RecordingError: when it is negative or too late for a stamp.
-    """
+    """A time as ROS keeps it."""
     if not 0.0 <= time_s < LATEST_S:
         raise RecordingError(f"ROS 1 has times from 0 to {LATEST_S} s, got {time_s:g} s")
     return round(time_s * NANOSECONDS)

@@ -48,11 +48,7 @@ class MessageFile(NotCopied, Observer):
     """A file of these topics while it is being written; what kind of file, subclasses know."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:
-        """Open the file, in place of an older one.
-
-        Raises:
-            RecordingError: when the package `rosbags` is missing, or the file cannot be written.
-        """
+        """Open the file, in place of an older one."""
         message_type(TEXT)  # what is missing is said before there is a file
         self._names = joint_names
         self._velocities = _Velocities(joint_names)
@@ -61,12 +57,7 @@ class MessageFile(NotCopied, Observer):
         self._output = Output(path)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Write joints and bodies.
-
-        Raises:
-            RecordingError: when it is no snapshot, or the file cannot be written; it is closed
-                then.
-        """
+        """Write joints and bodies."""
         expect(snapshot, Snapshot, "snapshot", RecordingError)
         time_ns = nanoseconds(snapshot.time_s)
         velocity = self._velocities.at(snapshot.time_s, snapshot.q)
@@ -79,11 +70,7 @@ class MessageFile(NotCopied, Observer):
         self._number += 1
 
     def on_event(self, event: Event) -> None:
-        """Write it.
-
-        Raises:
-            RecordingError: when it is no event, or the file cannot be written; it is closed then.
-        """
+        """Write it."""
         expect(event, Event, "event", RecordingError)
         move = recorded_move(event)
         if move is not None:
@@ -92,23 +79,14 @@ class MessageFile(NotCopied, Observer):
         self._write(EVENTS, nanoseconds(event.time_s), told)
 
     def close(self) -> None:
-        """Write what is left and the index, and close; twice is no trouble.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
+        """Write what is left and the index, and close; twice is no trouble."""
         if not self._output.is_closed:
             with self._output.writing():
                 self._finish()
             self._output.close()
 
     def write_message(self, topic: str, kind: MessageType, time_s: float, data: bytes) -> None:
-        """Write a message of any other topic, as of what was sent to a robot.
-
-        Raises:
-            RecordingError: when the time has no stamp, an argument is of another class, or the file
-                cannot be written; it is closed then.
-        """
+        """Write a message of any other topic, as of what was sent to a robot."""
         expect(topic, str, "topic", RecordingError)
         expect(kind, MessageType, "kind", RecordingError)
         expect(data, bytes, "data", RecordingError)

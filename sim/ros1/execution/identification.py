@@ -47,12 +47,7 @@ class Identification(SampleObserver):
     """
 
     def __init__(self, link: BaxterLink, limb: str) -> None:
-        """Plan the moves from where the arm stands.
-
-        Raises:
-            RosError: when the robot does not describe itself, or it is not known where it stands.
-            SimulationError: when a joint cannot move either way.
-        """
+        """Plan the moves from where the arm stands."""
         self._link, self._limb = link, limb
         text = link.description
         if text is None:
@@ -90,11 +85,7 @@ class Identification(SampleObserver):
         self._executor.stop(cause)
 
     def run(self) -> Response:
-        """Move, and tell how the arm follows.
-
-        Raises:
-            SimulationError: when a condition does not hold, or the motion ended early.
-        """
+        """Move, and tell how the arm follows."""
         outcome = self._executor.execute(self._plan)
         if outcome.failure is not None:
             raise SimulationError(f"nothing was identified: {outcome.failure}")

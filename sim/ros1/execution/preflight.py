@@ -68,9 +68,6 @@ def look_at_robot(
         link: to the robot.
         limbs: the arms that shall be driven.
         grips: those whose grippers shall act.
-
-    Raises:
-        RosError: when the master cannot be reached.
     """
     _LOG.info("listening to the robot of %s", link.node.master_uri)
     link.wait_until(lambda: link.robot is not None, FIRST_S)

@@ -46,12 +46,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def look_at_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness:
-    """Whether a plan may be carried out on the robot as it stands; nothing is sent.
-
-    Raises:
-        SimulationError: when the plan is invalid.
-        RosError: when the master cannot be reached.
-    """
+    """Whether a plan may be carried out on the robot as it stands; nothing is sent."""
     if expect(plan, Plan, "plan", SimulationError).failure is not None:
         raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
     grips = [plan.limb] if any(isinstance(step, Grip) for step in plan) else []
@@ -63,11 +58,7 @@ def look_at_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Rea
 
 
 def check_still_there(link: BaxterLink, ready: ReadyPlan) -> None:
-    """See that the arm stands where it did when a plan was prepared.
-
-    Raises:
-        SimulationError: when it does not; nothing was sent then.
-    """
+    """See that the arm stands where it did when a plan was prepared."""
     reading = link.joints.arm(ready.robot.arm(ready.plan.limb).joint_names)
     off = np.inf if reading is None else float(np.abs(reading.q - ready.plan.q_start).max())
     if off > START_RAD:

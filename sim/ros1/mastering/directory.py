@@ -78,21 +78,13 @@ class Directory:
         return list(self._subscribers.get(topic, {}).values())
 
     def node_uri(self, node: str) -> str:
-        """A node's XML-RPC server.
-
-        Raises:
-            RosError: when there is no such node.
-        """
+        """A node's XML-RPC server."""
         if node not in self._uris:
             raise RosError(f"unknown node [{node}]")
         return self._uris[node]
 
     def service_uri(self, service: str) -> str:
-        """Where a service is.
-
-        Raises:
-            RosError: when there is none.
-        """
+        """Where a service is."""
         if service not in self._services:
             raise RosError("no provider")
         return self._services[service][1]

@@ -15,11 +15,7 @@ class Parameters:
         self._root: dict[str, Any] = {}
 
     def set(self, name: str, value: Any) -> None:
-        """Set one, or with a mapping all that is below it.
-
-        Raises:
-            RosError: when everything would be set to something else than a mapping.
-        """
+        """Set one, or with a mapping all that is below it."""
         keys = _keys(name)
         if not keys:
             if not isinstance(value, dict):
@@ -34,11 +30,7 @@ class Parameters:
         level[keys[-1]] = value
 
     def get(self, name: str) -> Any:
-        """The value, or the mapping of what is below.
-
-        Raises:
-            RosError: when it is not set.
-        """
+        """The value, or the mapping of what is below."""
         found: Any = self._root
         for key in _keys(name):
             if not isinstance(found, dict) or key not in found:
@@ -55,11 +47,7 @@ class Parameters:
         return True
 
     def delete(self, name: str) -> None:
-        """Remove it and what is below.
-
-        Raises:
-            RosError: when it is not set.
-        """
+        """Remove it and what is below."""
         self.get(name)
         *above, last = _keys(name) or [""]
         level = self._root
@@ -68,11 +56,7 @@ class Parameters:
         level.pop(last, None)
 
     def search(self, name: str, namespace: str) -> str:
-        """The full name of the nearest one, looked for from a namespace upwards.
-
-        Raises:
-            RosError: when there is none.
-        """
+        """The full name of the nearest one, looked for from a namespace upwards."""
         if name.startswith("/"):
             self.get(name.split("/")[1])
             return name

@@ -69,9 +69,6 @@ class SimulatedBaxter(OneLine):
             q_start: where arms stand, by side, shape (7,), rad; where the world has them when not
                 given. A real one may stand outside its limits when it is tucked.
             is_calibrated: whether the grippers are.
-
-        Raises:
-            SimulationError: when an argument is of another class.
         """
         self.world = world
         hands = {side: Gripper(world, side) for side in world.hands}
@@ -157,9 +154,6 @@ class SimulatedBaxter(OneLine):
 
         Returns:
             A phrase for each joint that was clipped.
-
-        Raises:
-            BadOrderError: when it makes no sense; it is ignored whole.
         """
         arm = self.world.robot.arm(side)
         order = JointOrder.of(arm.joint_names, mode, names, command)
@@ -168,22 +162,14 @@ class SimulatedBaxter(OneLine):
         return self.arms[side].order(order, self.time_s)
 
     def order_gripper(self, side: str, order: GripperOrder) -> None:
-        """Take a command to a gripper.
-
-        Raises:
-            BadOrderError: when it is ignored.
-        """
+        """Take a command to a gripper."""
         if side not in self.grippers:
             raise BadOrderError(f"the {side} hand has no gripper")
         is_enabled = self.assembly.state.is_enabled
         self.grippers[side].order(order, is_enabled=is_enabled)
 
     def order_head(self, target_rad: float) -> None:
-        """Turn the head, unless the robot is disabled.
-
-        Raises:
-            BadOrderError: when the angle is not finite.
-        """
+        """Turn the head, unless the robot is disabled."""
         if self.assembly.state.is_enabled:
             self.head.pan(target_rad)
 
@@ -193,11 +179,7 @@ class SimulatedBaxter(OneLine):
             self.head.nod()
 
     def enable(self) -> None:
-        """Enable it; what it is already changes nothing.
-
-        Raises:
-            BadOrderError: when that is refused.
-        """
+        """Enable it; what it is already changes nothing."""
         if self.assembly.state.is_enabled:
             return
         refusal = self.assembly.enable(self.time_s, is_tucked=self.is_tucked)
@@ -216,22 +198,14 @@ class SimulatedBaxter(OneLine):
         self._hold()
 
     def reset(self) -> None:
-        """Reset it, which disables it.
-
-        Raises:
-            BadOrderError: when that is refused.
-        """
+        """Reset it, which disables it."""
         refusal = self.assembly.reset()
         if refusal is not None:
             raise BadOrderError(f"not reset: {refusal}")
         self._hold()
 
     def press(self, side: str, button: str) -> None:
-        """Press a button, release all, or reset the robot as `enable_robot.py -r` does.
-
-        Raises:
-            BadOrderError: when there is no such button, or a reset is refused.
-        """
+        """Press a button, release all, or reset the robot as `enable_robot.py -r` does."""
         if button == "estop":
             self.assembly.press()
             self._hold()
@@ -251,21 +225,12 @@ class SimulatedBaxter(OneLine):
         self.head.hold()
 
     def spawn(self, body: Body) -> None:
-        """Add a body; a movable one falls on what is below it.
-
-        Raises:
-            SceneError: when the name is taken; of a movable body also when it would be inside
-                another, or what is below it is too steep.
-        """
+        """Add a body; a movable one falls on what is below it."""
         self._timeline.spawn(body)
         self._look_again()
 
     def delete(self, name: str) -> None:
-        """Remove a body.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Remove a body."""
         self._timeline.delete(name)
         self._look_again()
 

@@ -203,11 +203,7 @@ class RosRobot(NotCopied, OneLine):
 
 
 def _loopback(given_uri: str | None) -> str:
-    """The name by which only this computer reaches it.
-
-    Raises:
-        RosError: when the surroundings say another one.
-    """
+    """The name by which only this computer reaches it."""
     home = addresses.find_home(addresses.master_uri(given_uri))
     if not ip_address(home.address).is_loopback:
         raise RosError(

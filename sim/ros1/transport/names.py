@@ -13,11 +13,7 @@ _NAME = re.compile(r"[~/]?[A-Za-z][\w]*(/\w+)*", re.ASCII)
 
 
 def node_name(name: str) -> str:
-    """A node's name in full, such as "/baxter_kin".
-
-    Raises:
-        RosMessageError: when it is none.
-    """
+    """A node's name in full, such as "/baxter_kin"."""
     if not _NODE.fullmatch(expect(name, str, "node's name", RosMessageError)):
         raise RosMessageError(f"not a node's name such as /baxter_kin: {quoted(name)}")
     return f"/{name.lstrip('/')}"
@@ -29,9 +25,6 @@ def full_name(name: str, node: str) -> str:
     Args:
         name: global as "/robot/state", relative to / as "robot/state", or private as "~rate".
         node: the node to which private ones belong, in full.
-
-    Raises:
-        RosMessageError: when it is none.
     """
     if not _NAME.fullmatch(expect(name, str, "name", RosMessageError)):
         raise RosMessageError(f"not a name such as /robot/state: {quoted(name)}")

@@ -56,10 +56,6 @@ class Presence(NotCopied, OneLine):
             host: this computer's name or address, instead of ROS_IP and ROS_HOSTNAME.
             shut_down: called with a reason when the node is to end.
             takes_over: whether a living node of that name is ended by the master, as ROS has it.
-
-        Raises:
-            RosError: when there is a living one and it is not taken over.
-            RosConnectionError: when the master cannot be reached, or it cannot listen there.
         """
         self.name = name
         self.master = MasterClient(master_uri(given_uri), name)

@@ -90,11 +90,7 @@ class Registry(NotCopied, OneLine):
         self._thread.start()
 
     def add(self, entry: Entry) -> None:
-        """Register it now, or when the master is back.
-
-        Raises:
-            RosError: when the master refuses.
-        """
+        """Register it now, or when the master is back."""
         with self._lock:
             try:
                 self._register(entry)

@@ -41,10 +41,6 @@ def write_atlas_page(path: PathLike, reach_map: ReachMap, *, title: str = TITLE)
 
     Returns:
         Every how-manieth position along each axis the page has; 1 when it has all of them.
-
-    Raises:
-        AtlasError: when a block is damaged, no part of the map fits into a page, or the file cannot
-            be written.
     """
     text, every = _atlas_html(reach_map, title=title)
     try:
@@ -55,11 +51,7 @@ def write_atlas_page(path: PathLike, reach_map: ReachMap, *, title: str = TITLE)
 
 
 def _atlas_html(reach_map: ReachMap, *, title: str = TITLE) -> tuple[str, int]:
-    """The same as text, and every how-manieth position it has; arguments as `write_atlas_page`.
-
-    Raises:
-        AtlasError: when a block is damaged, or no part of the map fits into a page.
-    """
+    """The same as text, and every how-manieth position it has; arguments as `write_atlas_page`."""
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     notice = html.escape(Appearance.of(found.robot).notice)
     every, longest = thinning(found, MOST_CELLS), max(found.positions.shape)

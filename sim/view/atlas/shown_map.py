@@ -62,9 +62,6 @@ def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
     Args:
         found: the map.
         every: keep every so-manieth position along each axis, those of base's own among them.
-
-    Raises:
-        AtlasError: when a block is damaged.
     """
     axes, rotations = _axes(found, every), len(found.rotations)
     shape = (len(found.arms), *map(len, axes))

@@ -28,9 +28,6 @@ class Broadcast:
         Args:
             port: where to listen on this machine; None takes the first one free.
             pacing: what pages can hold and slow down, if anything.
-
-        Raises:
-            ViewerError: when that port is taken or not allowed, or Meshcat is missing.
         """
         self._told: dict[str, object] = {}
         self._clients = Clients()
@@ -57,11 +54,7 @@ class Broadcast:
         return self._clients.wait(timeout_s)
 
     def publish(self, commands: Iterable[Command], **news: object) -> None:
-        """Send commands, and to the page itself what is new of each topic.
-
-        Raises:
-            ViewerError: when it is closed.
-        """
+        """Send commands, and to the page itself what is new of each topic."""
         if self._server.is_closed:
             raise ViewerError("the viewer is closed")
         messages = [Message.with_command(command) for command in commands]

@@ -100,11 +100,7 @@ class DrawnScene:
         return [delete(path), *body_commands(body), *pose_commands(path, body.T_base_body)]
 
     def remove_body(self, name: str) -> list[Command]:
-        """Draw a body no more.
-
-        Raises:
-            ViewerError: when there is none of that name.
-        """
+        """Draw a body no more."""
         self._known(name)
         del self._poses[name], self.bodies[name]
         return [delete(body_path(name))]
@@ -140,9 +136,6 @@ class DrawnScene:
             T_base_bodies: by name, poses of bodies seen from base.
             holding: by side, whether the hand holds something; the tip's line is drawn in that
                 colour.
-
-        Raises:
-            ViewerError: when a body is not drawn.
         """
         commands = [*self._joint_commands(q), *self._moved(T_base_bodies)]
         for side, point in self._tracker.points(q).items():

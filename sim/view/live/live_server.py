@@ -63,9 +63,6 @@ class LiveServer(NotCopied):
             files: the page and what it loads.
             port: where to listen; None for any that is free.
             controls: told what pages ask for.
-
-        Raises:
-            ViewerError: when that port is taken, not allowed, or none.
         """
         self._socket = _listening_socket(port)
         self.port = int(self._socket.getsockname()[1])

@@ -117,9 +117,6 @@ class ShownRun:
 
         Args:
             note: what came of it, as its last caption.
-
-        Raises:
-            RecordingError: when there was no snapshot.
         """
         if note and self._last is not None:
             time_s = self._last.time_s + DEFAULT_TICK_S

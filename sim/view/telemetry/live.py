@@ -54,9 +54,6 @@ class LiveTelemetry(OneLine):
             robot: the robot.
             shapes: its shapes, where they are known; else they are made when an arm first moves.
             clock: real time, s, which says when to measure the clearance again.
-
-        Raises:
-            ViewerError: when one is of another class.
         """
         self._robot = expect(robot, Baxter, "robot", ViewerError)
         if shapes is not None:
@@ -73,11 +70,7 @@ class LiveTelemetry(OneLine):
         self._has_shapes = True
 
     def start(self, state: State) -> None:
-        """A run begins: what is there counts, and what the hands hold, and nothing else.
-
-        Raises:
-            ViewerError: when it is no state.
-        """
+        """A run begins: what is there counts, and what the hands hold, and nothing else."""
         expect(state, State, "state", ViewerError)
         self._arms = {side: _ArmState(self._robot, side) for side in self._robot.arms}
         self._bodies = dict(state.scene.bodies)
@@ -90,11 +83,7 @@ class LiveTelemetry(OneLine):
         self._measured_s = -np.inf
 
     def hear(self, event: Event) -> None:
-        """Take note of something that happened.
-
-        Raises:
-            ViewerError: when it is no event.
-        """
+        """Take note of something that happened."""
         expect(event, Event, "event", ViewerError)
         if event.body is not None and event.kind is EventKind.SPAWNED:
             self._add(event.body)
@@ -109,9 +98,6 @@ class LiveTelemetry(OneLine):
         """What is new of each topic: `arms`, `state`, `clearance` and `waypoints`.
 
         `unmeasured` says why there is no clearance, "" when there is one.
-
-        Raises:
-            ViewerError: when it is no snapshot, or one of another robot.
         """
         shot = expect(snapshot, Snapshot, "snapshot", ViewerError)
         if shot.q.shape != (len(self._robot.joint_names),):

@@ -61,9 +61,6 @@ class NearestPairs:
             shapes: the robot's.
             sides: of the arms that move, at least one.
             bodies: by name.
-
-        Raises:
-            SceneError: when the robot lacks links that its shapes have.
         """
         self.bodies, self.sides = dict(bodies), tuple(sides)
         self._shapes, self._model = shapes, shapes.robot.model

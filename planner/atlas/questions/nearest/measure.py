@@ -41,9 +41,6 @@ class PoseMeasure:
     Attributes:
         keep: what must stay.
         m_per_rad: what a radian counts for, above zero.
-
-    Raises:
-        AtlasError: when `m_per_rad` is not a number above zero.
     """
 
     keep: Keep

@@ -25,11 +25,7 @@ class Confirmation:
     """Plans a task at placements, for one robot."""
 
     def __init__(self, robot: Baxter, task: TableTask, arms: tuple[str, ...]) -> None:
-        """Prepare the arms.
-
-        Raises:
-            SceneError: when one of them has no fingers.
-        """
+        """Prepare the arms."""
         self._robot, self._task = robot, task
         self._manipulators = {side: Manipulator.of(robot, side) for side in arms}
         self._standing = _StandingRobot(next(iter(self._manipulators.values())), task)

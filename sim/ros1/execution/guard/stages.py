@@ -100,9 +100,6 @@ def guarded(plan: Plan, manipulator: Manipulator) -> tuple[MoveStage | GripStage
     Args:
         plan: what shall be done, from robot and bodies as they are.
         manipulator: the arm and its hand.
-
-    Raises:
-        NotClearError: when a move is not proven clear; says which and of what.
     """
     stages: list[MoveStage | GripStage] = []
     finger, moves = manipulator.hand.joint_names[0], list[Move]()

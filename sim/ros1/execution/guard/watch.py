@@ -28,11 +28,7 @@ class Watch:
     """Looks at a robot while one of its arms is driven."""
 
     def __init__(self, link: BaxterLink, limb: str) -> None:
-        """Begin to listen.
-
-        Raises:
-            RosError: when the master cannot be reached.
-        """
+        """Begin to listen."""
         self._link, self._limb = link, limb
         self._names = tuple(f"{limb}_{joint}" for joint in JOINTS)
         other = "right" if limb == "left" else "left"

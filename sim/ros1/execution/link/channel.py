@@ -47,9 +47,6 @@ class ArmChannel(NotCopied, OneLine):
             link: to the robot.
             limb: "left" or "right".
             names: of the joints, in the order of set-points.
-
-        Raises:
-            RosError: when the master cannot be reached.
         """
         self.limb, self.sequence = limb, 0
         self._link, self._names = link, list(names)

@@ -16,11 +16,7 @@ from sim.ros1.execution.link.baxter_link import (
 
 
 def lines_of(link: BaxterLink, limbs: Sequence[str]) -> Iterator[str]:
-    """Who publishes what at which rate, the clocks, the joints and the grippers.
-
-    Raises:
-        RosError: when the master cannot be reached.
-    """
+    """Who publishes what at which rate, the clocks, the joints and the grippers."""
     for topic in (JOINT_STATES, STATE, *(gripper_topic(limb, "state") for limb in limbs)):
         yield f"{topic}: {', '.join(link.node.publishers_of(topic)) or 'nobody'}"
     for limb in limbs:

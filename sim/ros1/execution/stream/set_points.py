@@ -74,12 +74,7 @@ class SentMotion:
     """
 
     def __init__(self, moves: Sequence[Move], pace: Pace) -> None:
-        """Join the moves.
-
-        Raises:
-            SimulationError: when there is none, or one is no `Move`.
-            TrajectoryError: when position, velocity or acceleration jump in between.
-        """
+        """Join the moves."""
         self.moves = expect_all(moves, Move, "the moves", SimulationError)
         if not self.moves:
             raise SimulationError("nothing to send: a motion needs at least one move")

@@ -47,11 +47,7 @@ class Head(OneLine):
         return self._time_s < self._nod_until_s
 
     def pan(self, target_rad: float) -> None:
-        """Turn there; beyond `GREATEST_PAN_RAD` that far.
-
-        Raises:
-            BadOrderError: when it is not finite.
-        """
+        """Turn there; beyond `GREATEST_PAN_RAD` that far."""
         if not math.isfinite(target_rad):
             raise BadOrderError(f"a pan angle is a finite number of radians, got {target_rad}")
         self.target_rad = min(max(float(target_rad), -GREATEST_PAN_RAD), GREATEST_PAN_RAD)

@@ -52,10 +52,6 @@ class JointOrder(OneLine):
             mode: as the message has it.
             names: the joints that it is about.
             command: a value for each of them.
-
-        Raises:
-            BadOrderError: when the mode is unknown or that of torques, there are not as many names
-                as values, a joint is not of this arm or comes twice, or a value is not finite.
         """
         known = _mode(mode)
         if len(names) != len(command):

@@ -66,11 +66,7 @@ class Panel(OneLine):
         return self._lit.get(name, False) or name in self._pressed_until_s
 
     def set_output(self, name: str, is_on: bool) -> None:
-        """Switch a light.
-
-        Raises:
-            BadOrderError: when there is no such output.
-        """
+        """Switch a light."""
         if name not in self._lit:
             kind = "an input" if name in INPUTS else "no digital output"
             raise BadOrderError(f"{name!r} is {kind}; outputs are {', '.join(OUTPUTS)}")
@@ -81,11 +77,7 @@ class Panel(OneLine):
         return self._analog.get(name, FAR_M)
 
     def set_analog(self, name: str, value: float) -> None:
-        """Set an analog output.
-
-        Raises:
-            BadOrderError: when there is no such output, or the value is not finite.
-        """
+        """Set an analog output."""
         if name not in self._analog:
             raise BadOrderError(f"{name!r} is no analog output; there is {', '.join(self._analog)}")
         if not math.isfinite(value):
@@ -98,9 +90,6 @@ class Panel(OneLine):
         Args:
             side: "left" or "right".
             button: one of `PRESSABLE`.
-
-        Raises:
-            BadOrderError: when there is no such button.
         """
         if side not in LIMBS or button not in PRESSABLE:
             raise BadOrderError(

@@ -22,9 +22,6 @@ def T_base_frame(robot: Baxter, q: FloatArray, name: str) -> pin.SE3:
         robot: whose.
         q: its full configuration, rad and m.
         name: of a link, as the URDF has it or without its ending "_link"; "base" or empty is base.
-
-    Raises:
-        PoseError: when there is no such frame.
     """
     plain = name.removeprefix("/")
     if plain in ("", BASE):
@@ -44,11 +41,7 @@ def T_base_frame(robot: Baxter, q: FloatArray, name: str) -> pin.SE3:
 
 
 def pose_of(message: Message) -> pin.SE3:
-    """The pose in a `geometry_msgs/Pose`; its quaternion may be of any length.
-
-    Raises:
-        PoseError: when it is zero, or a number is not finite.
-    """
+    """The pose in a `geometry_msgs/Pose`; its quaternion may be of any length."""
     p, o = message.position, message.orientation
     quat_xyzw = np.array([o.x, o.y, o.z, o.w])
     return pose_from_quaternion((p.x, p.y, p.z), quat_xyzw, normalise=True)

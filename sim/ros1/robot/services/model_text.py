@@ -45,9 +45,6 @@ def body_of_text(text: str, name: str, T_base_model: pin.SE3) -> Body:
         text: the whole text.
         name: its name in the scene.
         T_base_model: where its origin goes, seen from base.
-
-    Raises:
-        SceneError: when the text is neither, or describes what is not simulated; it says what.
     """
     try:
         root = read_xml(text)
@@ -256,11 +253,7 @@ def _named_colour(name: str) -> Rgba:
 
 
 def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
-    """Finite numbers that stand in a text.
-
-    Raises:
-        SceneError: when there are others, or not as many.
-    """
+    """Finite numbers that stand in a text."""
     try:
         values = tuple(float(part) for part in text.split())
     except ValueError:
@@ -274,9 +267,6 @@ def _mesh_path(uri: str) -> Path:
     """Where a mesh is on this computer.
 
     `model://` is looked up in GAZEBO_MODEL_PATH, `package://` in ROS_PACKAGE_PATH.
-
-    Raises:
-        SceneError: when there is no such file.
     """
     kind, _, rest = uri.rpartition("://")
     folders = {

@@ -55,12 +55,7 @@ class PositionIK(OneLine):
         self._types = service_type(TYPE)
 
     def answer(self, request: Message) -> Message:
-        """The response to a request; of each pose that has no solution, the reason is said.
-
-        Raises:
-            ServiceRefused: when there is no such seed mode, or user seeds alone are wanted and none
-                are given.
-        """
+        """The response to a request; of each pose that has no solution, the reason is said."""
         if request.seed_mode not in list(SeedMode):
             raise ServiceRefused(f"seed mode {request.seed_mode} is unknown; use 0 .. 3")
         mode = SeedMode(request.seed_mode)

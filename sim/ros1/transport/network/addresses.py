@@ -54,11 +54,7 @@ class Home(NamedTuple):
 
 
 def master_uri(given: str | None = None) -> str:
-    """The master's address: what is given, else ROS_MASTER_URI, else `DEFAULT_MASTER`.
-
-    Raises:
-        RosMessageError: when it is none.
-    """
+    """The master's address: what is given, else ROS_MASTER_URI, else `DEFAULT_MASTER`."""
     uri = given or os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
     try:
         place_of(uri)
@@ -68,11 +64,7 @@ def master_uri(given: str | None = None) -> str:
 
 
 def place_of(uri: str) -> Place:
-    """Host and port of an XML-RPC server.
-
-    Raises:
-        RosMessageError: when they are not in it.
-    """
+    """Host and port of an XML-RPC server."""
     try:
         parts = urlsplit(uri)
         host, port = parts.hostname, parts.port
@@ -94,9 +86,6 @@ def find_home(master: str, host: str | None = None) -> Home:
     Args:
         master: the master's URI; nothing is sent there.
         host: a name or an address of this computer, instead of ROS_IP and ROS_HOSTNAME.
-
-    Raises:
-        RosConnectionError: when a name does not resolve, or there is no way to the master.
     """
     name = host or os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP")
     if name:
@@ -125,9 +114,6 @@ def resolve(host: str, *, node: str, remedy: str = "") -> str:
         host: a name or an address.
         node: whose host it is, for the error.
         remedy: what to do instead of adding the name to /etc/hosts.
-
-    Raises:
-        RosConnectionError: when the name is not known here.
     """
     try:
         found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
@@ -142,11 +128,7 @@ def resolve(host: str, *, node: str, remedy: str = "") -> str:
 
 
 def listening(address: str, port: int = 0) -> socket.socket:
-    """A socket that listens on that address only; port 0 takes a free one.
-
-    Raises:
-        RosConnectionError: when that is not possible here.
-    """
+    """A socket that listens on that address only; port 0 takes a free one."""
     sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -171,9 +153,6 @@ def connect(place: Place, *, node: str, timeout_s: float) -> socket.socket:
         place: where.
         node: whose it is, for the error.
         timeout_s: for connecting, and for every later step.
-
-    Raises:
-        RosConnectionError: when the name is not known here or nobody answers there.
     """
     address = resolve(place.host, node=node)
     try:

@@ -40,11 +40,7 @@ class FrameReader:
         self._buffer += data
 
     def frames(self) -> Iterator[bytes]:
-        """The frames that are complete, without their length.
-
-        Raises:
-            ProtocolError: when one announces more bytes than are allowed.
-        """
+        """The frames that are complete, without their length."""
         while len(self._buffer) >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(self._buffer)
             if length > self.longest:
@@ -68,11 +64,7 @@ def framed_header(fields: Mapping[str, str]) -> bytes:
 
 
 def parse_header(content: bytes) -> dict[str, str]:
-    """The fields of a connection header, given without its length.
-
-    Raises:
-        ProtocolError: when it is none.
-    """
+    """The fields of a connection header, given without its length."""
     reader = FrameReader(LONGEST_HEADER)
     reader.feed(content)
     fields: dict[str, str] = {}

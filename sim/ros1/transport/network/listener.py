@@ -43,9 +43,6 @@ class Listener(NotCopied, OneLine):
             tally: counts what goes wrong.
             greet: called with every connection before it is read, in the loop's thread.
             make_reader: makes what cuts a connection's bytes.
-
-        Raises:
-            RosConnectionError: when that is not possible here.
         """
         self._sock = listening(*place)
         self.place = Place(place.host, self._sock.getsockname()[1])

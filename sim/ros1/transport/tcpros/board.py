@@ -41,11 +41,7 @@ class Board(NotCopied, OneLine):
     """
 
     def __init__(self, home: Home, loop: Loop, tally: Tally) -> None:
-        """An empty one that listens at a free port.
-
-        Raises:
-            RosConnectionError: when it cannot listen there.
-        """
+        """An empty one that listens at a free port."""
         self._tally = tally
         self.publications: dict[str, Publication] = {}
         self.subscriptions: dict[str, tuple[Subscription, ...]] = {}

@@ -34,9 +34,6 @@ def check_sum(fields: Mapping[str, str], *, what: str, kind: str, md5: str) -> N
         what: the topic or service.
         kind: our type.
         md5: its sum.
-
-    Raises:
-        Refusal: when it does not, with both sums.
     """
     theirs = fields.get("md5sum", "")
     if theirs not in (md5, ANY):
@@ -54,9 +51,6 @@ def greet_peer(sock: socket.socket, ours: Mapping[str, str], *, place: Place, no
         ours: our fields.
         place: where the peer is, for the error.
         node: who it is, for the error.
-
-    Raises:
-        RosConnectionError: when it refuses, does not answer in time, or what it says is no header.
     """
     try:
         sock.sendall(framed_header(ours))

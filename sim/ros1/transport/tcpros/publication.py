@@ -62,9 +62,6 @@ class Publication(NotCopied, OneLine):
         """Send a message to all readers; nobody is waited for.
 
         A message with a header gets the next number as its sequence number, as in ROS.
-
-        Raises:
-            RosMessageError: when it is of another type, or a value does not fit.
         """
         if not self._readers and not self.latch:
             return
@@ -79,11 +76,7 @@ class Publication(NotCopied, OneLine):
             reader.send(data)
 
     def accept(self, connection: Connection, fields: Mapping[str, str]) -> None:
-        """Take on a reader that has said who it is, in the loop's thread.
-
-        Raises:
-            Refusal: when it expects another type.
-        """
+        """Take on a reader that has said who it is, in the loop's thread."""
         check_sum(fields, what=self.topic, kind=self.type.name, md5=self.type.md5)
         connection.keep(self._queue)
         connection.on_frame = _refuse_frame

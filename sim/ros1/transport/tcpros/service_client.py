@@ -27,11 +27,6 @@ def call_service(
         request: as it is sent.
         node: our name.
         timeout_s: how long all may take.
-
-    Raises:
-        RosConnectionError: when it cannot be reached, has another type, or is silent.
-        ServiceRefused: when it answers with an error.
-        RosMessageError: when its response is malformed.
     """
     end = time.monotonic() + timeout_s
     who = f"service {name}"
@@ -54,11 +49,7 @@ def call_service(
 
 
 def probe_service(place: Place, name: str, *, node: str, timeout_s: float) -> dict[str, str]:
-    """What a service says of itself, as its type and md5 sum.
-
-    Raises:
-        RosConnectionError: when it cannot be reached.
-    """
+    """What a service says of itself, as its type and md5 sum."""
     who = f"service {name}"
     with connect(place, node=who, timeout_s=timeout_s) as sock:
         fields = {"callerid": node, "service": name, "md5sum": ANY, "probe": "1"}

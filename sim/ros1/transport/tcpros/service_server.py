@@ -64,11 +64,7 @@ class ServiceServer(NotCopied, OneLine):
         self._thread.start()
 
     def accept(self, connection: Connection, fields: Mapping[str, str]) -> None:
-        """Take on a client that has said who it is, in the loop's thread.
-
-        Raises:
-            Refusal: when it expects another type.
-        """
+        """Take on a client that has said who it is, in the loop's thread."""
         check_sum(fields, what=self.name, kind=self.type.name, md5=self.type.md5)
         connection.send(framed_header(self._fields()))
         if fields.get("probe") == "1":

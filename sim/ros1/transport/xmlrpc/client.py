@@ -37,11 +37,6 @@ def ask(uri: str, method: str, *args: Any, node: str, timeout_s: float) -> Any:
         *args: what XML-RPC can write.
         node: whose server it is, for the error.
         timeout_s: how long each step may take: connecting, sending, every piece of the answer.
-
-    Raises:
-        RosUnreachableError: when nobody answers.
-        RosConnectionError: when its name is not known here, or it does not answer as a node does.
-        RosError: when it refuses; the message has its reason.
     """
     place = place_of(uri)
     answer = _call(place, method, args, node, timeout_s)

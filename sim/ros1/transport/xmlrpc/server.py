@@ -65,11 +65,7 @@ class RequestReader:
         self._buffer += data
 
     def frames(self) -> Iterator[bytes]:
-        """The bodies of the requests that are complete.
-
-        Raises:
-            ProtocolError: when it is not the kind of request that carries XML-RPC, or too long.
-        """
+        """The bodies of the requests that are complete."""
         while (end := self._buffer.find(END_OF_HEAD, 0, LONGEST_HEAD)) >= 0:
             length = self._read_head(bytes(self._buffer[:end]))
             body = end + len(END_OF_HEAD)
@@ -107,11 +103,7 @@ class XmlRpcServer(NotCopied, OneLine):
     def __init__(
         self, home: Home, port: int, loop: Loop, tally: Tally, methods: Mapping[str, Method]
     ) -> None:
-        """Serve at once.
-
-        Raises:
-            RosConnectionError: when it cannot listen there.
-        """
+        """Serve at once."""
         self._methods = dict(methods)
         self._listener = Listener(
             Place(home.address, port), loop, tally, greet=self._greet, make_reader=RequestReader
