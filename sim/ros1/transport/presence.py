@@ -119,8 +119,7 @@ class Presence(NotCopied, OneLine):
             finally:
                 done.set()
 
-        self.loop.call(call)
-        if not self.loop.is_here:
+        if self.loop.call(call) and not self.loop.is_here:
             done.wait(CLOSING_S)
 
     def _facts(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import ExitStack
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
@@ -156,10 +157,13 @@ def connect(place: Place, *, node: str, timeout_s: float) -> socket.socket:
     """
     address = resolve(place.host, node=node)
     try:
-        sock = socket.create_connection((address, place.port), timeout_s)
-        if sock.getsockname() == sock.getpeername():  # where nobody listened, it may meet itself
-            sock.close()
-            raise ConnectionRefusedError("Connection refused")
+        with ExitStack() as unless_connected:
+            sock = unless_connected.enter_context(
+                socket.create_connection((address, place.port), timeout_s)
+            )
+            if sock.getsockname() == sock.getpeername():  # nobody listened, and it met itself
+                raise ConnectionRefusedError("Connection refused")
+            unless_connected.pop_all()
         return sock
     except (OSError, OverflowError) as cause:
         reason = "no answer" if isinstance(cause, TimeoutError) else str(cause)

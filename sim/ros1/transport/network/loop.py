@@ -64,7 +64,9 @@ class Loop(NotCopied, OneLine):
         self._name = name
         self._tally = tally
         self._selector = selectors.DefaultSelector()
+        self._lock = threading.Lock()  # of the calls, and of whether the thread has ended
         self._calls: deque[Callable[[], None]] = deque()
+        self._has_ended = False
         self._timers: list[tuple[float, int, Timer]] = []
         self._most_timers = FEW_TIMERS
         self._numbers = count()
@@ -81,12 +83,16 @@ class Loop(NotCopied, OneLine):
         """Whether the caller is this thread."""
         return threading.get_ident() == self._thread.ident
 
-    def call(self, function: Callable[[], None]) -> None:
-        """Call it soon."""
-        self._calls.append(function)
+    def call(self, function: Callable[[], None]) -> bool:
+        """Call a function soon; False if the loop has ended, so that it will not be called."""
+        with self._lock:
+            if self._has_ended:
+                return False
+            self._calls.append(function)
         if not self.is_here:
-            with suppress(OSError):  # full: it is awake; closed: nothing is called any more
+            with suppress(OSError):  # full, so the thread is awake, or closed since
                 self._wake.send(b"\0")
+        return True
 
     def later(self, delay_s: float, function: Callable[[], None]) -> Timer:
         """Call it after a time, unless the timer is cancelled before."""
@@ -122,7 +128,7 @@ class Loop(NotCopied, OneLine):
         heapq.heappush(self._timers, (due, next(self._numbers), timer))
 
     def _run(self) -> None:
-        while not self._is_closing or self._calls:
+        while not self._ends():
             for key, events in self._selector.select(self._wait_s()):
                 self._guarded(lambda key=key, events=events: key.data(events))  # type: ignore[misc]
             while self._timers and self._timers[0][0] <= time.monotonic():
@@ -132,6 +138,11 @@ class Loop(NotCopied, OneLine):
         self._selector.close()
         self._wake.close()
         self._woken.close()
+
+    def _ends(self) -> bool:
+        with self._lock:
+            self._has_ended = self._is_closing and not self._calls
+        return self._has_ended
 
     def _wait_s(self) -> float | None:
         if self._calls or self._is_closing:

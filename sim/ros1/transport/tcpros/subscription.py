@@ -170,7 +170,8 @@ class Subscription(NotCopied, OneLine):
             self._note(link, error)
             self._loop.call(lambda: self._retry(link))
             return
-        self._loop.call(lambda: self._adopt(link, sock, answer))
+        if not self._loop.call(lambda: self._adopt(link, sock, answer)):
+            sock.close()
 
     def _note(self, link: _Link, error: RosError) -> None:
         """Say once what is wrong; who is not there any more may have ended, and is waited for."""

@@ -68,8 +68,8 @@ def _post(place: Place, body: bytes, node: str, timeout_s: float) -> bytes:
     headers = {"Content-Type": "text/xml", "Host": str(place)}
     try:
         connection.request("POST", "/RPC2", body, headers)
-        answer = connection.getresponse()
-        content = answer.read(LONGEST_ANSWER + 1)
+        with connection.getresponse() as answer:
+            content = answer.read(LONGEST_ANSWER + 1)
     except (OSError, http.client.HTTPException) as cause:
         reason = "no answer" if isinstance(cause, TimeoutError) else str(cause) or repr(cause)
         raise RosUnreachableError(

@@ -35,6 +35,14 @@ def test_calls_are_made_in_order_in_its_thread(loop: Loop) -> None:
     assert not loop.is_here
 
 
+def test_a_loop_that_has_ended_refuses_calls(loop: Loop) -> None:
+    made: list[int] = []
+    assert loop.call(lambda: made.append(1))
+    loop.close()
+    assert made == [1]
+    assert not loop.call(lambda: made.append(2))
+
+
 def test_moments_come_in_their_order_and_not_before(loop: Loop) -> None:
     came: list[tuple[str, float]] = []
     began_s = time.monotonic()
