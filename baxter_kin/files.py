@@ -1,10 +1,9 @@
-"""Files: one way to open them and to put them in place, for all that the toolkit reads and writes.
+"""Opening and replacing files, for everything that the toolkit reads and writes.
 
-What is written replaces a regular file or makes a new one. Anything else is refused and left as it
-is: folders, devices, pipes, sockets, and what lies in `/proc`, which is where `/dev/stdout` leads.
-A link stays a link, and the file that it leads to is written. A file that is replaced keeps its
-permissions, and its owner and group where the system allows that; a new one gets what the umask
-leaves. Whatever fails is a `FileError`, from which every layer makes its own.
+Only regular files are written, existing or new; folders, devices, pipes and sockets are refused and
+left as they are. Symbolic links are followed and stay. A replaced file keeps its permissions, and
+its owner and group where the system allows it; a new one gets the permissions of the umask. Every
+failure is a `FileError`, from which each layer makes its own.
 """
 
 from __future__ import annotations
@@ -23,11 +22,8 @@ from baxter_kin.errors import FileError
 
 PathLike: TypeAlias = "str | os.PathLike[str]"
 
-PROCESSES = Path("/proc")
-"""Names below this stand for processes and for what they have open, not for files."""
-
-MOST_LINKS = 40
-"""How many links one after the other Linux follows before it calls them a loop."""
+MAX_LINKS = 40
+"""Length of a chain of links that Linux follows before it reports a loop."""
 
 _KINDS: tuple[tuple[Callable[[int], bool], str], ...] = (
     (stat.S_ISDIR, "a folder"),
@@ -40,11 +36,11 @@ _KINDS: tuple[tuple[Callable[[int], bool], str], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Destination:
-    """Where it goes what is written to a path.
+    """The file that a path leads to.
 
     Attributes:
-        path: the file itself, all links followed.
-        status: what the system knows of that file; None when it is still to be made.
+        path: the file itself, with all links followed.
+        status: its `os.stat` result; None while the file does not exist.
     """
 
     path: Path
@@ -52,7 +48,7 @@ class Destination:
 
     @classmethod
     def of(cls, path: PathLike) -> Destination:
-        """Follow a path; nothing is opened or changed."""
+        """Follow a path without opening or changing anything."""
         with _explained("write", path):
             place = _checked_path(path)
             try:
@@ -64,12 +60,12 @@ class Destination:
 
     @property
     def identity(self) -> tuple[int, int] | Path:
-        """Equal for two names of one file, whether these are links or hard links."""
+        """Equal for two names of one file, also if these are symbolic or hard links."""
         return self.path if self.status is None else (self.status.st_dev, self.status.st_ino)
 
 
 def replace_file(path: PathLike, content: bytes) -> None:
-    """Write a file at once or not at all; nobody sees half of it."""
+    """Replace a file atomically: other processes see the old content or the new."""
     destination = Destination.of(path)
     with _explained("write", path):
         if destination.status is not None and not os.access(destination.path, os.W_OK):
@@ -90,20 +86,20 @@ def replace_file(path: PathLike, content: bytes) -> None:
 
 
 def open_to_write(path: PathLike) -> IO[bytes]:
-    """A file to be written from its beginning, piece by piece; what it held is gone at once."""
+    """Open a file for writing piece by piece; an existing one is truncated."""
     destination = Destination.of(path)
     with _explained("write", path):
         return _opened(destination.path, os.O_WRONLY | os.O_CREAT, "wb")
 
 
 def open_to_read(path: PathLike) -> IO[bytes]:
-    """A regular file to be read; no other process is waited for."""
+    """Open a regular file for reading, without waiting for other processes."""
     with _explained("read", path):
         return _opened(_checked_path(path), os.O_RDONLY, "rb")
 
 
 def _opened(path: Path, flags: int, mode: str) -> IO[bytes]:
-    """The file, once it is known to be regular; only then is it emptied to be written."""
+    """Open a file, check that it is regular, and only then truncate it for writing."""
     descriptor = os.open(path, flags | os.O_NONBLOCK, 0o666)
     try:
         _check_regular(os.fstat(descriptor))
@@ -124,15 +120,13 @@ def _checked_path(path: PathLike) -> Path:
 def _check_regular(status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = next((name for is_kind, name in _KINDS if is_kind(status.st_mode)), "something else")
-        raise ValueError(f"it is {kind}, no regular file")
+        raise ValueError(f"it is {kind}, not a regular file")
 
 
 def _followed(path: Path) -> Path:
-    """The place that a path leads to, whether something is there or not."""
-    for _ in range(MOST_LINKS + 1):
+    """The path with all links followed; the file need not exist."""
+    for _ in range(MAX_LINKS + 1):
         place = Path(os.path.realpath(path.parent), path.name)
-        if PROCESSES in place.parents:
-            raise ValueError("it leads to /proc, where names stand for processes, not for files")
         if not place.is_symlink():
             return place
         path = place.parent / os.readlink(place)
@@ -148,14 +142,14 @@ def _keep_permissions(descriptor: int, status: os.stat_result | None) -> None:
 
 @contextmanager
 def _explained(action: str, path: object) -> Iterator[None]:
-    """Make a `FileError` of what goes wrong."""
+    """Turn errors into a `FileError`."""
     try:
         yield
-    except (OSError, TypeError, ValueError) as cause:  # of the last two, paths that are none
+    except (OSError, TypeError, ValueError) as cause:  # the last two: invalid paths
         raise FileError(action, path, _reason(cause)) from cause
 
 
 def _reason(cause: Exception) -> str:
     if isinstance(cause, OSError) and cause.errno == errno.ELOOP:
-        return "its symbolic links form a loop, or are more than the system follows"
+        return "its symbolic links form a loop, or there are more than the system follows"
     return getattr(cause, "strerror", None) or str(cause)

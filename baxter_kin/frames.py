@@ -1,21 +1,21 @@
 """Frames, poses and quaternions: every convention of the toolkit, on one page.
 
-*Frames.* `base` is the robot's base link: x forward, y to the robot's left, z up. `world` stands on
-the floor under it, 0.93 m lower, with the same axes: `z_base = z_world - 0.93`. The `tip` of an
-arm is its `<side>_gripper` link, between the finger tips, z pointing out of the hand. Frames of
-one's own, such as the map of a mobile base, are `NamedFrame` values: `StampedPose(T_map_tip, map)`.
+*Frames.* `base` is the robot's base link: x forward, y to the robot's left, z up. `world` lies on
+the floor below it, 0.93 m lower, with parallel axes: `z_base = z_world - 0.93`. The `tip` of an
+arm is its `<side>_gripper` link, between the finger tips, z pointing out of the hand. Your own
+frames, such as the map of a mobile base, are `NamedFrame` values: `StampedPose(T_map_tip, map)`.
 
 *Poses.* `T_base_tip` is the pose of *tip* seen from *base*, a `pinocchio.SE3`; it maps points from
 tip to base coordinates. Inner names cancel: `T_world_tip = T_world_base * T_base_tip`.
 
-*Quaternions* are in x, y, z, w order, as in ROS, and carry their order in their name. They must be
-of unit length within 1e-4, which is what four written decimals give, or come with
-`normalise=True`; then they are normalised.
+*Quaternions* are in x, y, z, w order, as in ROS, and carry their order in their name. Their length
+must be 1 within 1e-4, which four written decimals give; with `normalise=True` any length but zero
+is accepted.
 
 *Twists and Jacobians* are linear first, then angular, both along the axes of base, at the tip.
 
-*Rotation matrices* must be orthonormal within 1e-6 per element of `R^T R - 1`; `checked_pose` takes
-the nearest rotation of one of rounded numbers with `normalise=True`.
+*Rotation matrices* must be orthonormal within 1e-6 per element of `R^T R - I`; with
+`normalise=True`, `checked_pose` replaces a rounded one by the nearest rotation.
 
 *Units* are metres, radians and seconds.
 """
@@ -25,7 +25,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence, Sized
-from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias, TypeGuard
 
@@ -33,22 +32,35 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.display import MAX_NAME, OneLine, numbers, phrase, position, quoted
+from baxter_kin.display import MAX_NAME, numbers, phrase, position, quoted
 from baxter_kin.errors import PoseError, QuaternionOrderWarning, UnknownNameError
-from baxter_kin.validation import FloatArray, expect, finite_array, is_text
+from baxter_kin.fields import field, frozen
+from baxter_kin.validation import FloatArray, expect, finite_array
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
 
 UNIT_QUATERNION_TOLERANCE = 1e-4
 ROTATION_TOLERANCE = 1e-6
-"""How far a rotation matrix may be from orthonormal, per element of `R^T R - I`."""
+"""Allowed deviation of a rotation matrix from orthonormal, per element of `R^T R - I`."""
 
 ROUNDED_ROTATION_TOLERANCE = 1e-2
-"""The same for a matrix that is to be normalised. Three written decimals give up to 3e-3; one that
-is farther off was not rounded but scaled or sheared."""
+"""The same for a matrix to be normalised. Three written decimals give up to 3e-3; a matrix with a
+larger deviation was not rounded but scaled or sheared."""
 
 _MADE_BY = "; pose_from_quaternion(position_m, quat_xyzw) makes a pose of such numbers"
+
+
+PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"
+"""Accepted as a pose: an SE3 or 4 x 4 matrix, seen from base, or a `StampedPose`."""
+
+
+def _to_pose(pose: PoseLike) -> pin.SE3:
+    return checked_pose(pose)
+
+
+def _to_frame(frame: Frame | NamedFrame | str) -> Frame | NamedFrame:
+    return frame if isinstance(frame, NamedFrame) else Frame.of(frame)
 
 
 class Frame(str, Enum):
@@ -72,61 +84,51 @@ class Frame(str, Enum):
             raise UnknownNameError("frame", name, names, hint) from None
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class NamedFrame(OneLine):
-    """A frame of one's own, such as a tilted stand, a fixture, or the map of a mobile base.
+@frozen(error=PoseError)
+class NamedFrame:
+    """A user-defined frame, such as a tilted stand, a fixture, or the map of a mobile base.
 
-    It is where it is: when the base moves, a new one takes its place, and poses are stamped with
-    that.
+    Its pose is fixed: when the base moves, make a new one and stamp poses with that.
 
     Attributes:
-        name: such as "map"; neither "base" nor "world", which `Frame` has.
-        T_base_frame: its pose; one in another frame, a `StampedPose`, is accepted.
+        name: such as "map"; "base" and "world" are taken by `Frame`.
+        T_base_frame: its pose; a `StampedPose` is accepted too.
 
     Raises:
-        PoseError: when the name is empty, too long, or that of a `Frame`, or the pose is not a
-            valid one.
+        PoseError: when the name is empty, too long or that of a `Frame`, or the pose is invalid.
     """
 
     name: str
-    T_base_frame: pin.SE3
+    T_base_frame: pin.SE3 = field(converter=_to_pose)
 
-    def __post_init__(self) -> None:
-        if not is_text(self.name) or not 0 < len(self.name) <= MAX_NAME:
+    def __attrs_post_init__(self) -> None:
+        if not 0 < len(self.name) <= MAX_NAME:
             raise PoseError(
                 f"a frame needs a name of 1 .. {MAX_NAME} characters, got {quoted(self.name)}"
             )
         if self.name in [each.value for each in Frame]:
-            raise PoseError(
-                f"{self.name!r} is a frame that is known already; give yours another name"
-            )
-        object.__setattr__(self, "T_base_frame", checked_pose(self.T_base_frame))
+            raise PoseError(f"the frame {self.name!r} exists already; give yours another name")
 
     def _facts(self) -> tuple[str, ...]:
         T = self.T_base_frame
         return phrase(self.name), f"at {position(T)}", f"xyzw {numbers(quaternion_xyzw(T))}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StampedPose(OneLine):
-    """A pose that says in which frame it is given, as the requests of the original service do.
+@frozen(error=PoseError)
+class StampedPose:
+    """A pose with the frame that it is given in, as in requests of Rethink's IK service.
 
     Attributes:
         T_frame_tip: the pose, seen from `frame`.
-        frame: a `NamedFrame`, or `base` or `world`, for which a plain string is accepted.
+        frame: a `NamedFrame`, or `base` or `world`, also as a plain string.
 
     Raises:
-        PoseError: when the pose is not a valid one.
+        PoseError: when the pose is invalid.
         UnknownNameError: when a string names neither `base` nor `world`.
     """
 
-    T_frame_tip: pin.SE3
-    frame: Frame | NamedFrame | str = Frame.BASE
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_frame_tip", checked_pose(self.T_frame_tip))
-        if not isinstance(self.frame, NamedFrame):
-            object.__setattr__(self, "frame", Frame.of(self.frame))
+    T_frame_tip: pin.SE3 = field(converter=_to_pose)
+    frame: Frame | NamedFrame | str = field(default=Frame.BASE, converter=_to_frame)
 
     @property
     def T_base_tip(self) -> pin.SE3:
@@ -143,12 +145,8 @@ class StampedPose(OneLine):
         return phrase(name), position(T), f"xyzw {numbers(quaternion_xyzw(T))}"
 
 
-PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"
-"""What functions accept as a pose: SE3 or 4 x 4 matrix, seen from base, or a `StampedPose`."""
-
-
 def T_world_base() -> pin.SE3:
-    """The pose of base seen from world: 0.93 m up."""
+    """The pose of base seen from world, 0.93 m above it."""
     return pin.SE3(np.eye(3), np.array([0.0, 0.0, BASE_HEIGHT_M]))
 
 
@@ -157,21 +155,21 @@ def pose_from_quaternion(
 ) -> pin.SE3:
     """A pose from a position and a unit quaternion.
 
-    Where 1, 0, 0, 0 is written as such, w may have been meant to come first, and no rotation: it
-    warns. Computed quaternions, which come in NumPy's floats, are taken as they are; and so is
-    -1, 0, 0, 0, the same half turn about x.
+    A literal (1, 0, 0, 0) warns, because it was probably meant as the identity with w first.
+    Computed quaternions, whose elements are NumPy floats, and (-1, 0, 0, 0), the same half turn
+    about x, do not.
 
     Args:
         position_m: shape (3,), metres.
         quat_xyzw: shape (4,), x, y, z, w.
-        normalise: whether it may be of any length but zero.
+        normalise: accept any length but zero.
 
     Raises:
-        PoseError: when a shape is wrong, a number is not finite, or the quaternion is not of unit
-            length within `UNIT_QUATERNION_TOLERANCE` and is not to be normalised, or is zero.
+        PoseError: when a shape is wrong, a number is not finite, the quaternion is zero, or its
+            length differs from 1 by more than `UNIT_QUATERNION_TOLERANCE` without `normalise`.
 
     Warns:
-        QuaternionOrderWarning: of 1, 0, 0, 0.
+        QuaternionOrderWarning: on a literal (1, 0, 0, 0).
     """
     position = finite_array(position_m, (3,), "position_m", PoseError)
     quat = finite_array(quat_xyzw, (4,), "quat_xyzw", PoseError)
@@ -179,7 +177,7 @@ def pose_from_quaternion(
     if _is_written_identity(quat_xyzw, quat):
         warnings.warn(
             "quat_xyzw (1, 0, 0, 0) is read as x, y, z, w: half a turn about x, upside down; for "
-            "no rotation write (0, 0, 0, 1), for that half turn (-1, 0, 0, 0)",
+            "the identity write (0, 0, 0, 1), for that half turn (-1, 0, 0, 0)",
             QuaternionOrderWarning,
             stacklevel=2,
         )
@@ -188,7 +186,7 @@ def pose_from_quaternion(
 
 
 def read_with_w_first(R: FloatArray) -> FloatArray:
-    """The rotation that is meant when R was made of a quaternion w, x, y, z read as x, y, z, w.
+    """The intended rotation where R was made from a quaternion w, x, y, z read as x, y, z, w.
 
     Args:
         R: shape (3, 3).
@@ -204,12 +202,12 @@ def quaternion_xyzw(T: pin.SE3) -> FloatArray:
     """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0.
 
     Raises:
-        PoseError: when it is no pose, by the tests of `checked_pose`.
+        PoseError: when the pose is invalid, by the checks of `checked_pose`.
     """
     R = expect(T, pin.SE3, "pose", PoseError).rotation
     quaternion = pin.Quaternion(R).normalized()
     if not np.abs(quaternion.toRotationMatrix() - R).max() <= ROTATION_TOLERANCE:
-        checked_pose(T)  # says what it is instead, unless it is only near the tolerance
+        checked_pose(T)  # raises, unless the deviation is just within the tolerance
     quat = quaternion.coeffs()
     return np.array(-quat if quat[3] < 0.0 else quat)
 
@@ -219,8 +217,8 @@ def checked_pose(pose: PoseLike, *, normalise: bool = False) -> pin.SE3:
 
     Args:
         pose: an SE3 or 4 x 4 matrix seen from base, or a `StampedPose`.
-        normalise: whether the rotation may be off by up to `ROUNDED_ROTATION_TOLERANCE`, as one of
-            four written digits is; the nearest rotation is taken then, in the Frobenius norm.
+        normalise: accept a rotation that deviates by up to `ROUNDED_ROTATION_TOLERANCE`, as a
+            rounded one does, and return the nearest rotation in the Frobenius norm.
     """
     expect(normalise, bool, "normalise", PoseError)
     if isinstance(pose, StampedPose):
@@ -238,7 +236,7 @@ def checked_pose(pose: PoseLike, *, normalise: bool = False) -> pin.SE3:
 
 
 def nearest_rotation(R: FloatArray) -> FloatArray:
-    """The rotation nearest to a nearly orthonormal matrix, or to each of several.
+    """The rotation nearest to a nearly orthonormal matrix, or to each of a stack.
 
     The orthogonal factor of the polar decomposition (Higham, 1986).
 
@@ -253,7 +251,7 @@ def nearest_rotation(R: FloatArray) -> FloatArray:
 
 
 def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
-    """The same pose, seen from base, so much higher."""
+    """A pose seen from base, moved up by a height."""
     lift = np.array([0.0, 0.0, height_m])
     return pin.SE3(T_base.rotation, T_base.translation + lift)
 
@@ -263,7 +261,7 @@ def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> FloatArray:
 
     Args:
         poses: as for `checked_pose`.
-        first: the number of the first one, for error messages.
+        first: the index of the first pose, for error messages.
     """
     if not isinstance(poses, Sized):
         raise PoseError(f"poses must be a sequence, got {type(poses).__name__}")
@@ -282,13 +280,13 @@ def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> FloatArray:
 
 
 def _is_matrix(pose: object) -> TypeGuard[FloatArray]:
-    """Whether it has the right shape for a pose, and numbers of full precision."""
+    """Whether it is a float64 array with the shape of a pose."""
     return type(pose) is np.ndarray and pose.shape == (4, 4) and pose.dtype == np.float64
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def _are_poses(Ts: FloatArray) -> NDArray[np.bool_]:
-    """Which of matrices, shape (n, 4, 4), are poses, by the tests of `checked_pose`."""
+    """Which matrices, shape (n, 4, 4), are poses, by the checks of `checked_pose`."""
     columns = [np.ascontiguousarray(Ts[:, :3, j].T) for j in range(3)]
     is_pose = np.isfinite(Ts).all(axis=(1, 2))
     is_pose &= (np.abs(Ts[:, 3] - (0.0, 0.0, 0.0, 1.0)) <= ROTATION_TOLERANCE).all(axis=1)
@@ -302,10 +300,10 @@ def _are_poses(Ts: FloatArray) -> NDArray[np.bool_]:
 
 def _unit_quaternion(quat: FloatArray, normalise: bool) -> FloatArray:
     largest = float(np.abs(quat).max())
-    scale = largest if normalise and largest > 0.0 else 1.0  # lest squares over- or underflow
+    scale = largest if normalise and largest > 0.0 else 1.0  # so that squares do not overflow
     length = float(np.linalg.norm(quat / scale))
     if normalise and length == 0.0:
-        raise PoseError("quat_xyzw is zero, which is no rotation; for none write (0, 0, 0, 1)")
+        raise PoseError("quat_xyzw is zero, which is no rotation; the identity is (0, 0, 0, 1)")
     if not normalise and abs(length - 1.0) > UNIT_QUATERNION_TOLERANCE:
         raise PoseError(
             f"quat_xyzw {quoted(quat.tolist())} has length {length:.6g}; a rotation needs length 1 "
@@ -315,10 +313,7 @@ def _unit_quaternion(quat: FloatArray, normalise: bool) -> FloatArray:
 
 
 def _is_written_identity(given: ArrayLike, quat: FloatArray) -> bool:
-    """Whether it is the identity with w first, in numbers as one writes them.
-
-    What NumPy computed, it keeps in numbers of its own.
-    """
+    """Whether it is a literal (1, 0, 0, 0); computed elements are NumPy floats."""
     if quat.tolist() != [1.0, 0.0, 0.0, 0.0] or not isinstance(given, (tuple, list, np.ndarray)):
         return False
     return not any(isinstance(number, np.floating) for number in given)

@@ -1,4 +1,4 @@
-"""JSON as text: strict in what is read, and written so that it can be compared."""
+"""JSON text: read strictly, written so that files can be compared."""
 
 from __future__ import annotations
 
@@ -12,16 +12,13 @@ from baxter_kin.errors import BaxterError
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 
-LONGEST_INTEGER = 15
-"""Digits of an integer; every such number is an exact float."""
-
 
 class UnfitError(BaxterError):
-    """What is wrong with data, to be said after its name."""
+    """An error in JSON data; the message continues a sentence that begins with the data's name."""
 
 
 def as_text(data: Json, error: type[BaxterError]) -> str:
-    """JSON on one line, ASCII, without needless spaces."""
+    """Compact JSON on one line, in ASCII."""
     try:
         return json.dumps(data, allow_nan=False, separators=(",", ":"))
     except ValueError as cause:
@@ -29,7 +26,7 @@ def as_text(data: Json, error: type[BaxterError]) -> str:
 
 
 def as_lines(data: Json, indent: str = "\n") -> str:
-    """JSON with a row of numbers to a line, so that files can be read and compared."""
+    """JSON with one row of numbers on a line, for readable and comparable files."""
     deeper = f"{indent} "
     if isinstance(data, dict) and data:
         lines = [f"{json.dumps(key)}: {as_lines(item, deeper)}" for key, item in data.items()]
@@ -41,8 +38,8 @@ def as_lines(data: Json, indent: str = "\n") -> str:
 
 
 def from_text(text: str | bytes, error: type[BaxterError]) -> Json:
-    """The data that JSON says, as text or in UTF-8."""
-    hooks: dict[str, Any] = {"parse_float": _finite, "parse_constant": _finite, "parse_int": _short}
+    """Parse JSON, given as text or UTF-8 bytes; duplicate keys and NaN are refused."""
+    hooks: dict[str, Any] = {"parse_float": _finite, "parse_constant": _finite}
     try:
         whole = text if isinstance(text, str) else text.decode()
         data: Json = json.loads(whole, object_pairs_hook=_without_duplicates, **hooks)
@@ -51,7 +48,7 @@ def from_text(text: str | bytes, error: type[BaxterError]) -> Json:
     except UnfitError as cause:
         raise error(str(cause)) from None
     except ValueError as cause:  # of the JSON, or of its UTF-8
-        what = "is no complete JSON, so it is truncated, damaged or another kind of file"
+        what = "is not complete JSON; it is truncated, damaged or another kind of file"
         raise error(f"{what}: {cause}") from None
     return data
 
@@ -61,12 +58,6 @@ def _finite(text: str) -> float:
     if not math.isfinite(number):
         raise UnfitError(f"has {shortened(text, MAX_NAME)} where a finite number must be")
     return number
-
-
-def _short(text: str) -> int:
-    if len(text.lstrip("-")) > LONGEST_INTEGER:
-        raise UnfitError(f"has an integer too large: {quoted(text, MAX_NAME)}")
-    return int(text)
 
 
 def _without_duplicates(pairs: list[tuple[str, Json]]) -> dict[str, Json]:

@@ -1,7 +1,7 @@
-"""JointLimits: position, velocity, acceleration and jerk of every joint, each with its origin.
+"""Limits of position, velocity, acceleration and jerk for every joint, each with its origin.
 
-Rethink published neither acceleration nor jerk, so these come as presets, with their evidence: what
-real Baxters did in public recordings, 99.9 percentile of the magnitude for each joint, s0 to w2.
+Rethink published neither acceleration nor jerk limits, so these come as presets. Their evidence is
+what real Baxters did in public recordings: 99.9th percentile of the magnitude, joints s0 to w2.
 
 | recordings | rad/s^2 | rad/s^3 |
 |---|---|---|
@@ -9,40 +9,38 @@ real Baxters did in public recordings, 99.9 percentile of the magnitude for each
 | the same, window of 0.31 s | 6.7 7.7 3.6 9.1 9.8 20 14 | 55 64 37 72 100 211 144 |
 | guided by hand, window of 0.31 s | 3.0 4.1 5.0 8.0 20 34 32 | 24 34 45 57 153 271 295 |
 
-The first two are 16 files of 902 s at 99.6 Hz (EduardoRosLab/Baxter_Dynamic_Model on GitHub), the
-third is 59 files of 2493 s. An encoder step of 0.38 mrad makes noise of jerk: trust accelerations.
-In position mode neither limits a Baxter, but speed: it lags by about 0.4 s times its velocity.
+The first two come from 16 files of 902 s at 99.6 Hz (EduardoRosLab/Baxter_Dynamic_Model on GitHub),
+the third from 59 files of 2493 s. Encoder steps of 0.38 mrad make the jerks uncertain. In position
+mode speed is the limit in practice: a Baxter lags by about 0.4 s times its velocity.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import OneLine, count, phrase, quoted, shortened
+from baxter_kin.display import count, phrase, quoted, shortened
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
-from baxter_kin.fields import Frozen, FrozenMapping
+from baxter_kin.fields import FrozenMapping, array, evolve, field, frozen, mapping
 from baxter_kin.hints import degrees_hint
-from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, positive_scalar
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
-"""Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""
+"""The value of MoveIt's Baxter configuration; Rethink published none."""
 
 DEFAULT_JERK_RAD_S3 = 20.0
-"""Nobody published a jerk limit for Baxter; the toolkit's choice: full acceleration in 0.1 s."""
+"""This toolkit's choice, full acceleration in 0.1 s; nobody published a jerk limit for Baxter."""
 
 _URDF = "the robot's URDF"
 
 _JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
 
 
-@dataclass(frozen=True, slots=True)
-class _Preset:
+class _Preset(NamedTuple):
     """Accelerations and jerks of the joints s0 to w2, rad/s^2 and rad/s^3, and their origins."""
 
     a_max: tuple[float, ...]
@@ -83,29 +81,29 @@ DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
 )
 
 PRESETS = tuple(_PRESETS)
-"""The names that `JointLimits.preset` knows."""
+"""The names that `JointLimits.preset` accepts."""
 
 _STOCK = {
     "q_min": (-1.70167993878, -2.147, -3.05417993878, -0.05, -3.059, -1.57079632679, -3.059),
     "q_max": (1.70167993878, 1.047, 3.05417993878, 2.618, 3.059, 2.094, 3.059),
     "v_max": (1.5, 1.5, 1.5, 1.5, 4.0, 4.0, 4.0),
 }
-"""Of Rethink's URDF, joints s0 to w2, rad and rad/s."""
+"""From Rethink's URDF, joints s0 to w2, rad and rad/s."""
 
 
 class _PresetOf:
-    """`JointLimits.preset`, which knows whether limits or their class were asked."""
+    """`JointLimits.preset`, as a method of the class and of its instances."""
 
     def __get__(self, limits: JointLimits | None, owner: object) -> Callable[[str], JointLimits]:
         def preset(name: str) -> JointLimits:
             """Limits with the accelerations and jerks of a preset.
 
-            Positions and velocities remain: `arm.limits.preset(name)` has those of that arm, and
-            `JointLimits.preset(name)` those of the stock robot's left arm.
+            `arm.limits.preset(name)` keeps the positions and velocities of that arm;
+            `JointLimits.preset(name)` has those of the stock robot's left arm.
 
             Args:
-                name: one of `PRESETS`. "safe" is what arms have when loaded; "torque-control" is
-                    for a Baxter whose joints are driven by torques, and inside what such have done.
+                name: one of `PRESETS`. "safe" is the default of a loaded robot; "torque-control" is
+                    for a Baxter whose joints are driven by torques, within what such robots did.
             """
             chosen = _PRESETS.get(name) if isinstance(name, str) else None
             if chosen is None:
@@ -115,51 +113,61 @@ class _PresetOf:
         return preset
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class JointLimits(Frozen, OneLine):
-    """What every joint of an arm may do; n joints.
+def _to_names(names: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise LimitsError(f"names must be a sequence of joint names, got {quoted(names)}")
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise LimitsError(f"names must be one or more joint names, got {quoted(names)}")
+    if len(set(names)) < len(names):
+        raise LimitsError(f"every joint name may come once, got {quoted(names)}")
+    return tuple(names)
+
+
+def _default_origins() -> Mapping[str, str]:
+    return DEFAULT_ORIGINS
+
+
+@frozen(error=LimitsError)
+class JointLimits:
+    """Limits of n joints.
 
     Attributes:
         names: joint names, in the order of every array.
-        q_min: lowest positions, shape (n,), rad.
-        q_max: highest positions, shape (n,), rad.
-        v_max: greatest speeds, shape (n,), rad/s, above zero.
-        a_max: greatest accelerations, shape (n,), rad/s^2, above zero.
-        j_max: greatest jerks, shape (n,), rad/s^3, above zero.
-        origins: where "position", "velocity", "acceleration" and "jerk" come from.
+        q_min: minimum positions, shape (n,), rad.
+        q_max: maximum positions, shape (n,), rad.
+        v_max: maximum speeds, shape (n,), rad/s, above zero.
+        a_max: maximum accelerations, shape (n,), rad/s^2, above zero.
+        j_max: maximum jerks, shape (n,), rad/s^3, above zero.
+        origins: the sources of "position", "velocity", "acceleration" and "jerk".
 
     Raises:
         LimitsError: when a shape does not fit, a number is not finite, a range is empty, or a
             velocity, acceleration or jerk limit is not above zero.
     """
 
-    names: tuple[str, ...]
-    q_min: FloatArray
-    q_max: FloatArray
-    v_max: FloatArray
-    a_max: FloatArray
-    j_max: FloatArray
-    origins: Mapping[str, str] = field(default_factory=lambda: DEFAULT_ORIGINS)
+    names: tuple[str, ...] = field(converter=_to_names)
+    q_min: FloatArray = array(None)
+    q_max: FloatArray = array(None)
+    v_max: FloatArray = array(None)
+    a_max: FloatArray = array(None)
+    j_max: FloatArray = array(None)
+    origins: Mapping[str, str] = mapping(factory=_default_origins)
 
     preset = _PresetOf()
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "names", _checked_names(self.names))
-        if not self.names:
-            raise LimitsError("limits need at least one joint, got none")
-        for attribute in ("q_min", "q_max", "v_max", "a_max", "j_max"):
-            values = getattr(self, attribute)
-            array = finite_array(values, (len(self.names),), attribute, LimitsError)
-            object.__setattr__(self, attribute, array)
+    def __attrs_post_init__(self) -> None:
+        number = len(self.names)
+        for what in ("q_min", "q_max", "v_max", "a_max", "j_max"):
+            given = len(getattr(self, what))
+            if given != number:
+                raise LimitsError(f"{what} has shape ({given},); it must have shape ({number},)")
         self._check_ranges()
-        origins = expect(self.origins, Mapping, "origins", LimitsError)  # type: ignore[type-abstract]
-        object.__setattr__(self, "origins", FrozenMapping(origins))
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.
 
         Args:
-            speed_ratio: in (0, 1], as the original demo's speed ratio.
+            speed_ratio: in (0, 1], like the original demo's speed ratio.
 
         Raises:
             LimitsError: when the ratio is outside (0, 1].
@@ -168,16 +176,16 @@ class JointLimits(Frozen, OneLine):
         if ratio > 1.0:
             raise LimitsError(f"speed ratio must be in (0, 1], got {ratio}")
         origins = {**self.origins, "velocity": f"{ratio:g} x {self.origins.get('velocity', '?')}"}
-        return self if ratio == 1.0 else replace(self, v_max=ratio * self.v_max, origins=origins)
+        return self if ratio == 1.0 else evolve(self, v_max=ratio * self.v_max, origins=origins)
 
     def violations(self, q: ArrayLike, tolerance: float = 0.0) -> tuple[str, ...]:
-        """A phrase for each joint of `q`, shape (n,), outside its range by more than `tolerance`.
+        """One phrase for each joint of `q`, shape (n,), that is outside its range.
 
-        Every phrase names joint, value and range in rad.
+        Every phrase names joint, value and range in rad; `tolerance` widens the ranges.
 
         Raises:
             ConfigurationError: when the shape is wrong, a number is not finite, or the tolerance is
-                not a finite number of zero or more.
+                negative or not finite.
         """
         array = finite_array(q, (len(self.names),), "q", ConfigurationError)
         return self._violations(array, _checked_tolerance(tolerance))
@@ -199,13 +207,13 @@ class JointLimits(Frozen, OneLine):
         )
 
     def check(self, q: ArrayLike, what: str = "q", tolerance: float = 0.0) -> FloatArray:
-        """`q` as a read-only array, shape (n,), known to be inside the limits.
+        """`q`, shape (n,), as a read-only array within the limits.
 
-        A position outside by no more than `tolerance` is clamped to its limit.
+        Positions outside by at most `tolerance` are clamped.
 
         Raises:
             ConfigurationError: when the shape is wrong, a number is not finite, a joint is outside
-                its range by more than `tolerance`, or that is not a finite number of zero or more.
+                its range by more than `tolerance`, or that is negative or not finite.
         """
         tolerance = _checked_tolerance(tolerance)
         if self._is_inside(q):
@@ -224,7 +232,7 @@ class JointLimits(Frozen, OneLine):
         return clamped
 
     def _is_inside(self, q: ArrayLike) -> TypeGuard[FloatArray]:
-        """Whether it is an array inside the limits, so that nothing else need be asked of it."""
+        """Whether it is a float64 array within the limits, the fast path of `check`."""
         return (
             type(q) is np.ndarray  # no masked array
             and q.dtype == np.float64
@@ -244,7 +252,7 @@ class JointLimits(Frozen, OneLine):
 
 
 def _stock() -> JointLimits:
-    """Of the stock robot's left arm."""
+    """The limits of the stock robot's left arm."""
     low, high, fast = (np.array(_STOCK[name]) for name in ("q_min", "q_max", "v_max"))
     a, j = np.array(_PRESETS["safe"].a_max), np.array(_PRESETS["safe"].j_max)
     return JointLimits(_arm_joints("left"), low, high, fast, a, j)
@@ -258,12 +266,12 @@ def _with_preset(limits: JointLimits, chosen: _Preset) -> JointLimits:
     if limits.names not in (_arm_joints("left"), _arm_joints("right")):
         names = ", ".join(limits.names)
         raise LimitsError(f"presets are for the seven joints of a Baxter's arm, not for {names}")
-    said = {"acceleration": chosen.acceleration, "jerk": chosen.jerk}
-    return replace(
+    sources = {"acceleration": chosen.acceleration, "jerk": chosen.jerk}
+    return evolve(
         limits,
         a_max=np.array(chosen.a_max),
         j_max=np.array(chosen.j_max),
-        origins={**limits.origins, **said},
+        origins={**limits.origins, **sources},
     )
 
 
@@ -274,13 +282,3 @@ def _checked_tolerance(tolerance: object) -> float:
     if checked < 0.0:
         raise ConfigurationError(f"tolerance must be zero or more, got {checked:g}")
     return checked
-
-
-def _checked_names(names: object) -> tuple[str, ...]:
-    if isinstance(names, str) or not isinstance(names, Sequence):
-        raise LimitsError(f"names must be a sequence of joint names, got {quoted(names)}")
-    if not all(isinstance(name, str) and name for name in names):
-        raise LimitsError(f"names must be joint names, got {quoted(names)}")
-    if len(set(names)) < len(names):
-        raise LimitsError(f"every joint name may come once, got {quoted(names)}")
-    return tuple(names)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from baxter_kin.errors import FileError
-from baxter_kin.files import MOST_LINKS, Destination, open_to_read, open_to_write, replace_file
+from baxter_kin.files import MAX_LINKS, Destination, open_to_read, open_to_write, replace_file
 
 NULL_DEVICE = os.makedev(1, 3)
 SOMEBODY = 12345
@@ -68,7 +68,7 @@ def test_what_is_no_regular_file_is_refused_and_stays(
     """As root, `save_plan(plan, "/dev/null")` once replaced the device by a file."""
     IRREGULAR[kind](path := tmp_path / "it")
     before = path.stat()
-    with pytest.raises(FileError, match=f"cannot write {path}: it is {kind}, no regular file"):
+    with pytest.raises(FileError, match=f"cannot write {path}: it is {kind}, not a regular file"):
         write(path)
     after = path.stat()
     assert (after.st_mode, after.st_ino, after.st_rdev) == (
@@ -85,7 +85,7 @@ def test_a_link_to_what_is_no_regular_file_is_refused(
 ) -> None:
     IRREGULAR[kind](tmp_path / "it")
     (tmp_path / "link").symlink_to("it")
-    with pytest.raises(FileError, match=f"it is {kind}, no regular file"):
+    with pytest.raises(FileError, match=f"it is {kind}, not a regular file"):
         write(tmp_path / "link")
     assert (tmp_path / "link").is_symlink()
 
@@ -95,7 +95,7 @@ def test_only_regular_files_are_read_and_no_other_process_is_waited_for(
     tmp_path: Path, kind: str
 ) -> None:
     IRREGULAR[kind](tmp_path / "it")
-    with pytest.raises(FileError, match=r"it is .*, no regular file|No such device"):
+    with pytest.raises(FileError, match=r"it is .*, not a regular file|No such device"):
         open_to_read(tmp_path / "it")
 
 
@@ -121,7 +121,7 @@ def test_links_stay_links_and_what_they_lead_to_is_written(
         assert (tmp_path / "file").read_bytes() == b"new"
 
 
-@pytest.mark.parametrize("length", [1, 2, MOST_LINKS + 2])
+@pytest.mark.parametrize("length", [1, 2, MAX_LINKS + 2])
 def test_links_that_lead_nowhere_are_one_sentence(
     tmp_path: Path, write: Callable[[Path], None], length: int
 ) -> None:
@@ -131,17 +131,6 @@ def test_links_that_lead_nowhere_are_one_sentence(
         write(tmp_path / "0")
     with pytest.raises(FileError, match=r"cannot read .*: its symbolic links form a loop"):
         open_to_read(tmp_path / "0")
-
-
-def test_what_a_process_has_open_is_no_file_to_write(
-    tmp_path: Path, write: Callable[[Path], None]
-) -> None:
-    """`/dev/stdout` is such a link; when it leads to a file, that is still another's to write."""
-    with (tmp_path / "out").open("wb") as stream:
-        (tmp_path / "link").symlink_to(f"/proc/self/fd/{stream.fileno()}")
-        with pytest.raises(FileError, match="it leads to /proc, where names stand for processes"):
-            write(tmp_path / "link")
-    assert os.listdir(tmp_path).count("out") == 1
 
 
 @pytest.mark.parametrize("mode", [0o600, 0o640, 0o666, 0o755])

@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin.errors import BaxterError
@@ -30,15 +30,15 @@ def test_numbers_that_are_not_finite_are_no_text() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no complete JSON"),
-        ('{"a": 1', "no complete JSON"),
-        (b"\xff", "no complete JSON"),
+        ("", "not complete JSON"),
+        ('{"a": 1', "not complete JSON"),
+        (b"\xff", "not complete JSON"),
         ("NaN", "has NaN where a finite number must be"),
         ("-Infinity", "has -Infinity"),
         ("1e999", "has 1e999 where a finite number must be"),
-        ("1" * 5000, "integer too large"),
+        ("1" * 5000, "not complete JSON"),
         ('{"a": 1, "a": 2}', "has the entry 'a' twice"),
-        ("[" * 100_000, "nested too deeply|no complete JSON"),
+        ("[" * 100_000, "nested too deeply|not complete JSON"),
     ],
 )
 def test_text_that_is_no_data_is_refused(text: str | bytes, words: str) -> None:
@@ -63,14 +63,3 @@ def test_text_is_one_line_of_ascii(data: Any) -> None:
     text = as_text(data, FileProblemError)
     assert text.isascii()
     assert not {"\n", "\r"} & set(text)
-
-
-@given(st.integers(0, 18).flatmap(lambda digits: st.integers(-(10**digits), 10**digits)))
-@example(10**15 - 1)
-@example(2**53 + 1)
-def test_an_integer_that_is_no_exact_float_is_refused(number: int) -> None:
-    if abs(number) < 10**15:
-        assert from_text(str(number), FileProblemError) == number == int(float(number))
-    else:
-        with pytest.raises(FileProblemError, match="an integer too large"):
-            from_text(str(number), FileProblemError)

@@ -335,7 +335,6 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
         (put(*TRAJECTORY, "knots_s", value=[0.0]), "has shape"),
         (put("plan", "start", "joints", value=[]), "plan.start.joints must be an object"),
         (put("plan", "start", "joints", "head_pan", value=None), "must be of type float"),
-        (put("plan", "start", "joints", "head_pan", value=10**20), "an integer too large"),
     ],
 )
 def test_a_refusal_says_what_is_wrong(
@@ -385,15 +384,15 @@ def test_a_file_that_is_not_there_is_refused(file: Path) -> None:
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PlanFileError, match=r"no regular file|cannot be read"):
+    with pytest.raises(PlanFileError, match=r"not a regular file|cannot be read"):
         load_plan(tmp_path)
 
 
 def test_a_pipe_is_refused_without_waiting(plan: Plan, file: Path) -> None:
     os.mkfifo(file)
-    with pytest.raises(PlanFileError, match="it is a pipe, no regular file"):
+    with pytest.raises(PlanFileError, match="it is a pipe, not a regular file"):
         load_plan(file)
-    with pytest.raises(PlanFileError, match="cannot be written: it is a pipe, no regular file"):
+    with pytest.raises(PlanFileError, match="cannot be written: it is a pipe, not a regular file"):
         save_plan(plan, file)
     assert file.is_fifo()
 

@@ -59,7 +59,7 @@ def test_a_line_after_the_end_is_refused(tmp_path: Path) -> None:
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(RecordingError, match="no regular file"):
+    with pytest.raises(RecordingError, match="not a regular file"):
         list(read_lines(tmp_path / "pipe"))
 
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_written_is_said(path: str) -> None:
 
 def test_a_pipe_is_no_file_to_write_lines_to(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(RecordingError, match=r"cannot write .*: it is a pipe, no regular file"):
+    with pytest.raises(RecordingError, match=r"cannot write .*: it is a pipe, not a regular file"):
         LineFile(tmp_path / "pipe")
 
 

@@ -85,7 +85,7 @@ def test_both_means_either_arm() -> None:
             ["--json", "/no/such/folder/a.json"],
             "does not exist; make it first",
         ),
-        (["--json", "/"], "cannot write /: it is a folder, no regular file"),
+        (["--json", "/"], "cannot write /: it is a folder, not a regular file"),
         (["--plot", "times.txt"], "cannot draw 'times.txt'"),
         (["--plot", "times"], "cannot draw 'times'"),
         (["--json", "a.svg", "--plot", "a.svg"], "name the same file"),

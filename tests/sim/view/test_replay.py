@@ -398,7 +398,7 @@ def test_refuses_to_replace_what_is_no_file(
 ) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(RecordingError, match="it is a pipe, no regular file"):
+    with pytest.raises(RecordingError, match="it is a pipe, not a regular file"):
         write_replay(pipe, recording, robot)
     assert pipe.is_fifo()
 

@@ -142,7 +142,7 @@ class TestDamaged:
             read_bag(path, robot)
 
     def test_what_cannot_be_read(self, robot: Baxter, tmp_path: Path) -> None:
-        for name, words in (("no.bag", "No such file"), ("", "no regular file|directory")):
+        for name, words in (("no.bag", "No such file"), ("", "not a regular file|directory")):
             with pytest.raises(RecordingError, match=words):
                 read_bag(tmp_path / name, robot)
 

@@ -286,7 +286,7 @@ class TestRefused:
     def test_what_cannot_be_read(
         self, robot: Baxter, tmp_path: Path, name: str, words: str
     ) -> None:
-        with pytest.raises(RecordingError, match=f"cannot read .*{words}|no regular file"):
+        with pytest.raises(RecordingError, match=f"cannot read .*{words}|not a regular file"):
             read_rsdk_csv(tmp_path / name, robot)
 
     def test_what_is_no_robot(self, path: Path) -> None:

@@ -109,5 +109,5 @@ def test_files_that_are_not_there_or_no_json_are_told(tmp_path: Path, hand: Hand
     with pytest.raises(AtlasError, match="the task cannot be read"):
         load_task(tmp_path / "none.json", hand)
     (tmp_path / "text.json").write_text("{")
-    with pytest.raises(AtlasError, match=r"text\.json: is no complete JSON"):
+    with pytest.raises(AtlasError, match=r"text\.json: is not complete JSON"):
         load_task(tmp_path / "text.json", hand)
