@@ -3,18 +3,20 @@
 A class that inherits from `OneLine` is shown as its name and a few facts in parentheses, as in
 `World(2 bodies: table, block)`; value classes made by `baxter_kin.fields` show their fields. The
 text is meant for readers, not for parsers: numbers are rounded and the length is bounded.
+
+This module loads neither NumPy nor Pinocchio, so that commands show their help at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import is_dataclass
 from reprlib import Repr
-from typing import Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-import pinocchio as pin
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 MAX_QUOTE = 200
 """Characters of an input that a message repeats."""
@@ -34,9 +36,6 @@ MIN_PART = 20
 MAX_QUOTED_ITEMS = 20
 """Elements of a sequence or a mapping that a message repeats."""
 
-MAX_SHOWN_NUMBERS = 8
-"""Longest array that is shown by its numbers; a longer one is shown by its shape."""
-
 MAX_INTEGER_BITS = 1024
 """Larger integers are shown by their size: Python refuses to print some thousand digits."""
 
@@ -54,7 +53,9 @@ class OneLine:
 
     def _facts(self) -> tuple[str, ...]:
         """The facts to show; empty ones are left out."""
-        return tuple(_changed_fields(self)) if is_dataclass(self) else ()
+        from baxter_kin.fields import changed_dataclass_fields  # noqa: PLC0415 - loads NumPy
+
+        return tuple(changed_dataclass_fields(self)) if is_dataclass(self) else ()
 
 
 def quoted(value: object, longest: int = MAX_QUOTE) -> str:
@@ -157,35 +158,6 @@ def side_of(joint_names: Sequence[str]) -> str:
     """Whose joints these are: "left", or how many where that is not told by their names."""
     sides = {name.split("_")[0] for name in joint_names}
     return sides.pop() if len(sides) == 1 else count(len(joint_names), "joint")
-
-
-def _changed_fields(value: Any) -> Iterator[str]:
-    for field in fields(value):
-        given = getattr(value, field.name)
-        if field.repr and (field.default is MISSING or not is_default(given, field.default)):
-            yield f"{field.name}={shown(given)}"
-
-
-def is_default(given: object, default: object) -> bool:
-    """Whether the value of a field is that of its default, so that nothing is shown of it."""
-    if isinstance(given, Mapping) and isinstance(default, Mapping):
-        return not given and not default
-    is_array = isinstance(given, np.ndarray)
-    return given is default or (
-        type(given) is type(default) and not is_array and bool(given == default)
-    )
-
-
-def shown(value: object) -> str:
-    """A value as part of a line: numbers rounded, of a large array the shape."""
-    if isinstance(value, (float, np.floating)):
-        return f"{value:.4g}"
-    if isinstance(value, tuple) and value and all(type(each) is float for each in value):
-        return numbers(value)
-    if isinstance(value, np.ndarray):
-        is_short = value.ndim == 1 and value.size <= MAX_SHOWN_NUMBERS and value.dtype.kind in "iuf"
-        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} array"
-    return quoted(value, MAX_PART)
 
 
 class _Quote(Repr):

@@ -32,7 +32,7 @@ not ensure.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import cache, partial
 from typing import Any, NoReturn, TypeAlias, TypeVar, get_type_hints
 
@@ -41,7 +41,7 @@ import numpy as np
 from attrs import field
 from typing_extensions import dataclass_transform
 
-from baxter_kin.display import is_default, line, quoted, shown
+from baxter_kin.display import MAX_PART, line, numbers, quoted
 from baxter_kin.errors import BaxterError, CopyError
 from baxter_kin.validation import (
     FloatArray,
@@ -75,6 +75,9 @@ T = TypeVar("T")
 K = TypeVar("K")
 V = TypeVar("V")
 Convert: TypeAlias = Callable[[Any, str, type[BaxterError]], Any]
+
+MAX_SHOWN_NUMBERS = 8
+"""Longest array that is shown by its numbers; a longer one is shown by its shape."""
 
 _CONVERT, _MAY_BE_NAN = "baxter_kin.convert", "baxter_kin.may_be_nan"
 
@@ -381,3 +384,32 @@ def with_read_only_arrays(value: Any) -> Any:
         for part in value.values() if isinstance(value, FrozenMapping) else value:
             with_read_only_arrays(part)
     return value
+
+
+def changed_dataclass_fields(value: Any) -> Iterator[str]:
+    for each in fields(value):
+        given = getattr(value, each.name)
+        if each.repr and (each.default is MISSING or not is_default(given, each.default)):
+            yield f"{each.name}={shown(given)}"
+
+
+def is_default(given: object, default: object) -> bool:
+    """Whether the value of a field is that of its default, so that nothing is shown of it."""
+    if isinstance(given, Mapping) and isinstance(default, Mapping):
+        return not given and not default
+    is_array = isinstance(given, np.ndarray)
+    return given is default or (
+        type(given) is type(default) and not is_array and bool(given == default)
+    )
+
+
+def shown(value: object) -> str:
+    """A value as part of a line: numbers rounded, of a large array the shape."""
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.4g}"
+    if isinstance(value, tuple) and value and all(type(each) is float for each in value):
+        return numbers(value)
+    if isinstance(value, np.ndarray):
+        is_short = value.ndim == 1 and value.size <= MAX_SHOWN_NUMBERS and value.dtype.kind in "iuf"
+        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} array"
+    return quoted(value, MAX_PART)

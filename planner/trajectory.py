@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.display import count, line, quoted, seconds, shown, side_of
-from baxter_kin.fields import array, frozen
+from baxter_kin.display import count, line, quoted, seconds, side_of
+from baxter_kin.fields import array, frozen, shown
 from baxter_kin.validation import FloatArray, Indices, expect, expect_all, finite_array, float_array
 from planner.errors import TrajectoryError
 

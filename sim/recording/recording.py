@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import count, line, listing, quoted, seconds, shown
+from baxter_kin.display import count, line, listing, quoted, seconds
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.fields import FrozenMapping, array, field, frozen, mapping, sequence
+from baxter_kin.fields import FrozenMapping, array, field, frozen, mapping, sequence, shown
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, float_array
 from planner import Body, Scene

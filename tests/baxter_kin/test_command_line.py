@@ -164,3 +164,12 @@ def test_the_version_asks_for_nothing_else(capsys: pytest.CaptureFixture[str]) -
         parser.parse_args(["--version"])
     assert capsys.readouterr().out == f"baxter-kin {baxter_kin.__version__}\n"
     assert vars(parser.parse_args(["some"])) == {"file": "some"}
+
+
+def test_the_options_of_the_demo_load_no_large_library() -> None:
+    program = (
+        "import sys; import sim.demo.options; "
+        "print(*{'numpy', 'pinocchio', 'casadi', 'coal', 'attrs'} & set(sys.modules))"
+    )
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    assert found.stdout.split() == []

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -17,7 +15,6 @@ from baxter_kin.display import (
     quoted,
     seconds,
     shortened,
-    shown,
     side_of,
 )
 from baxter_kin.errors import FileError
@@ -76,21 +73,6 @@ def test_a_text_is_cut_between_words(words: list[str]) -> None:
 def test_half_a_surrogate_pair_is_written_as_an_escape() -> None:
     assert shortened("a\ud800") == "a\\ud800"
     assert str(FileError("read", "\ud800", "no")) == "cannot read \\ud800: no"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (1.0 / 3.0, "0.3333"),
-        ((0.1, -0.0), "(0.1, 0)"),
-        ((), "()"),
-        (np.zeros(9), "9 array"),
-        (np.array([True]), "1 array"),
-        ("a\nb", "'a\\nb'"),
-    ],
-)
-def test_values_are_shown_rounded_and_large_arrays_by_their_shape(value: Any, text: str) -> None:
-    assert shown(value) == text
 
 
 def test_numbers_of_things_agree_with_their_nouns() -> None:

@@ -22,6 +22,7 @@ from baxter_kin.fields import (
     number_or_nan,
     scalar,
     sequence,
+    shown,
 )
 from baxter_kin.validation import FloatArray
 
@@ -161,3 +162,18 @@ def test_fields_that_differ_from_their_defaults_are_shown() -> None:
     long = repr(Sample(Q, name="x\ny" * 1000))
     assert len(long) <= MAX_LINE
     assert long.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.0 / 3.0, "0.3333"),
+        ((0.1, -0.0), "(0.1, 0)"),
+        ((), "()"),
+        (np.zeros(9), "9 array"),
+        (np.array([True]), "1 array"),
+        ("a\nb", "'a\\nb'"),
+    ],
+)
+def test_values_are_shown_rounded_and_large_arrays_by_their_shape(value: Any, text: str) -> None:
+    assert shown(value) == text
