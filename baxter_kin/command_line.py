@@ -99,7 +99,6 @@ class _Command:
     prog: str | None
     about: str
     epilog: str
-    allow_abbrev: bool
 
 
 def option(
@@ -224,7 +223,6 @@ def command(
     *,
     examples: Sequence[str] = (),
     end: str = "",
-    allow_abbrev: bool = False,
 ) -> Callable[[type[T]], type[T]]:
     """Give a class of options the texts of its command.
 
@@ -233,9 +231,8 @@ def command(
         about: what the command does.
         examples: command lines that work as they stand.
         end: the last paragraph of the help text, with the exit status.
-        allow_abbrev: whether the first letters of an option are enough.
     """
-    texts = _Command(prog, about, _epilog(examples, end), allow_abbrev)
+    texts = _Command(prog, about, _epilog(examples, end))
 
     def named(options: type[T]) -> type[T]:
         setattr(options, _COMMAND, texts)
@@ -271,11 +268,7 @@ def parser_of(options: type[Any]) -> OneSentenceParser:
 
 
 def _settings(texts: _Command) -> dict[str, Any]:
-    return {
-        "description": texts.about,
-        "epilog": texts.epilog,
-        "allow_abbrev": texts.allow_abbrev,
-    }
+    return {"description": texts.about, "epilog": texts.epilog, "allow_abbrev": False}
 
 
 def _add(parser: argparse.ArgumentParser, options: type[Any]) -> None:

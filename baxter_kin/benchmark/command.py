@@ -55,7 +55,6 @@ MEASURED, RATES, OUTPUT = "what is measured", "solve rates on many cores", "outp
     ),
     end="Exit status: 0 measured; 2 wrong usage; 130 stopped by Ctrl-C. Solvers that are not "
     "installed are listed with the command that installs them.",
-    allow_abbrev=True,
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkOptions:

@@ -80,7 +80,6 @@ def _height(text: str) -> float:
     end="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
     "stopped by Ctrl-C. Positions are metres in the robot's base frame: x forward, y to its left, "
     "z up from 0.93 m above the floor (docs/concepts/frames.md).",
-    allow_abbrev=True,
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:

@@ -199,7 +199,6 @@ PROG = "python -m sim.ros1.master"
     "Ctrl-C.",
     examples=("python -m sim.ros1.master", "python -m sim.ros1.master --port 11312"),
     end="Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot listen there; 2 wrong usage.",
-    allow_abbrev=True,
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MasterOptions:

@@ -43,7 +43,6 @@ POLL_S = 0.01
         "python -m sim.ros1.press left reset",
     ),
     end=EXIT_STATUS.format(done="0 pressed; 1 no robot received it"),
-    allow_abbrev=True,
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressOptions:

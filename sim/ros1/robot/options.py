@@ -41,7 +41,6 @@ NETWORK, ROBOT, OUTPUT = "network", "robot and what is around it", "view and out
     ),
     end="Exit status: 1 it cannot start, or the master ended it; 2 wrong usage; 130 and 143 "
     "stopped by Ctrl-C and by SIGTERM, everything unregistered.",
-    allow_abbrev=True,
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotOptions:
