@@ -61,7 +61,7 @@ class Stage:
         """
         self._folder = folder
         self._moving: dict[str, Any] = {}
-        self._lasting: dict[str, Any] = {}
+        self._viewer: s.Viewer | None = None
 
     def reset(self) -> None:
         """Forget what may have changed."""
@@ -70,16 +70,26 @@ class Stage:
     def __getitem__(self, kind: str) -> Any:
         if hasattr(_Lasting, kind):
             return getattr(self._known, kind)
+        if kind == "Viewer":
+            return self._open_viewer()
         if kind not in self._moving:
             self._moving[kind] = _MOVING[kind](self)
         return self._moving[kind]
 
     def __contains__(self, kind: object) -> bool:
-        return isinstance(kind, str) and (kind in _MOVING or hasattr(_Lasting, kind))
+        return isinstance(kind, str) and (
+            kind == "Viewer" or kind in _MOVING or hasattr(_Lasting, kind)
+        )
 
     def file(self, name: str) -> Path:
         """A file that may be written."""
         return self._folder / name
+
+    def _open_viewer(self) -> s.Viewer:
+        """The viewer; another one where a call has closed it."""
+        if self._viewer is None or "closed" in repr(self._viewer):
+            self._viewer = s.Viewer(self["Baxter"])
+        return self._viewer
 
     @cached_property
     def _known(self) -> _Lasting:
@@ -460,10 +470,6 @@ class _Lasting:
     @cached_property
     def Noise(self) -> s.Noise:
         return s.Noise(0.001)
-
-    @cached_property
-    def Viewer(self) -> s.Viewer:
-        return s.Viewer(self.Baxter)
 
     @cached_property
     def Sighting(self) -> s.perception.Sighting:
