@@ -114,7 +114,7 @@ def extremes(folder: str, jobs: int) -> bool:
 
 
 def whole_fine_map(seconds: float) -> str:
-    """What it would take, by a stratified sample."""
+    """What it would take, by a random sample."""
     robot, rotations = Baxter.load(), RotationGrid.hopf(1)
     grid = PositionGrid.around(robot, 0.025)
     most = int(SAMPLE_SHARE * 2 * len(grid))
@@ -122,7 +122,7 @@ def whole_fine_map(seconds: float) -> str:
     return (
         f"2.5 cm x 576 x 2 arms: {cost.cells:,} cells, {cost.core_hours:.3f} +- "
         f"{cost.core_error_s / 3600.0:.3f} core hours by {cost.measured:,} of "
-        f"{cost.of_positions:,} positions, {cost.size_bytes / 1e9:.2f} GB"
+        f"{cost.units:,} positions, {cost.size_bytes / 1e9:.2f} GB"
     )
 
 

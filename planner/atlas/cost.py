@@ -1,24 +1,24 @@
-"""What a map will cost, before it is built: processor time by a measured sample, and bytes.
+"""The cost of a map before it is built: processor time by a measured sample, and bytes on disk.
 
-Positions fall into shells around the shoulder, because a search takes longest where the arm is bent
-and no time beyond its reach. A few positions at a time are searched in the shell to which the
-estimate owes most of its uncertainty (Neyman's allocation; Cochran, "Sampling Techniques", 1977,
-section 5.5), until the time to measure is over. How much costs spread in each shell is known
-beforehand (`SPREADS`): allocation by what the same sample shows starves shells whose first
-positions happen to be cheap, which told 25 % too little, with a fifth of its true error.
+Units of work are drawn at random and timed until the time to measure is over. The cost of all is
+the ratio of time to size in the sample times the size of all, and its error is the standard error
+of that ratio (Cochran, "Sampling Techniques", 1977, section 6.4). In a reach map the positions
+beyond the straight arm's reach, which take next to no time, are a stratum of their own.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Container, Iterable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.display import OneLine, count
+from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.validation import FloatArray, positive_scalar, whole_scalar
 from planner.atlas.blocks import Block
@@ -26,51 +26,48 @@ from planner.atlas.map_files import stored_bytes
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_search import PAIRS, Cells, ReachSearch
 from planner.atlas.rotations import RotationGrid
-from planner.atlas.shells import SHELLS, Shells
 from planner.errors import AtlasError
 
-DRAWN = 200_000
-"""Positions of a grid that are drawn to know how many of them each shell has."""
-
-LEAST = 2
-"""Measurements of each shell, so that its spread is known."""
-
-SPREADS = (1.0, 1.0, 0.9, 0.4, 0.14, 0.08, 0.001)
-"""How much costs of positions differ in each shell, beside each other; of 22,000 positions of a
-grid of 2.5 cm with 576 rotations (these were 60 ms, and 0.04 ms beyond reach)."""
-
-KEPT_CELLS = 200_000
-"""Of each shell, to know what cells take on disk."""
-
 MEASURED_S = 10.0
+"""Default duration of the measurement."""
+
+MIN_MEASURED = 4
+"""Units that are measured however long they take, so that their spread is known."""
+
+MAX_DRAWN = 200_000
+"""Positions of a grid that are drawn to estimate how many are within reach."""
+
+MAX_KEPT_CELLS = 200_000
+"""Cells that are kept to measure their size on disk."""
 
 OVERHEAD = 1.03
-"""For what workers do between searches: reading the map and putting files in place."""
+"""Factor for the time that workers spend on reading the map and on writing files."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Cost(OneLine):
-    """What is missing of a map, and what it will take.
+    """The missing part of a map, and the estimated cost of computing it.
 
     Attributes:
-        poses: positions times rotations, of one arm.
-        cells: poses times arms; how many of them are to be computed.
+        cells: number of cells to be computed.
         core_s: processor time on this machine.
         core_error_s: one standard error of it.
-        size_bytes: on disk.
-        measured: positions that were searched to know it.
-        of_positions: out of how many.
-        shell_s: of each arm and shell, what a position takes of one core.
+        size_bytes: size on disk.
+        measured: number of units in the sample.
+        units: number of all such units.
+        unit: what they are, such as "position".
+        position_s: of a reach map, processor time of a position within the straight arm's reach,
+            and of one beyond it.
     """
 
-    poses: int
     cells: int
     core_s: float
     core_error_s: float
     size_bytes: float
     measured: int
-    of_positions: int
-    shell_s: tuple[tuple[float, ...], ...] = ()
+    units: int
+    unit: str
+    position_s: tuple[float, float] = (0.0, 0.0)
 
     @property
     def core_hours(self) -> float:
@@ -82,8 +79,71 @@ class Cost(OneLine):
             f"{self.cells:,} cells",
             f"{shown_time(self.core_s)} +- {shown_time(self.core_error_s)} of one core",
             f"{self.size_bytes / 1e6:.3g} MB",
-            f"{self.measured} of {count(self.of_positions, 'position')} measured",
+            f"{self.measured} of {count(self.units, self.unit)} measured",
         )
+
+
+@dataclass(slots=True)
+class Sample:
+    """Timed units of work, drawn at random from all.
+
+    Attributes:
+        total: size of all units.
+        times_s: processor time of each unit.
+        sizes: size of each unit, such as the number of its cells.
+    """
+
+    total: float
+    times_s: list[float]
+    sizes: list[int]
+
+    @classmethod
+    def timed(
+        cls, total: float, work: Iterable[Callable[[], int]], measure_s: float, most: float
+    ) -> Sample:
+        """Time units of work until the time is over.
+
+        Args:
+            total: size of all units.
+            work: does the next unit, and returns its size.
+            measure_s: duration of the measurement; `MIN_MEASURED` units are timed in any case.
+            most: size at which the measurement ends.
+        """
+        sample, begun = cls(total, [], []), time.monotonic()
+        for each in work:
+            started = time.process_time()
+            size = each()
+            sample.times_s.append(time.process_time() - started)
+            sample.sizes.append(size)
+            is_over = time.monotonic() - begun >= measure_s or sample.size >= most
+            if is_over and len(sample.sizes) >= MIN_MEASURED:
+                break
+        return sample
+
+    @property
+    def size(self) -> int:
+        """Size of the units in the sample."""
+        return sum(self.sizes)
+
+    @property
+    def rate_s(self) -> float:
+        """Processor time by size."""
+        return sum(self.times_s) / self.size if self.size else 0.0
+
+    @property
+    def total_s(self) -> float:
+        """Processor time of all units."""
+        return self.total * self.rate_s
+
+    @property
+    def error_s(self) -> float:
+        """One standard error of it; zero when the sample is all there is."""
+        number = len(self.sizes)
+        if number < 2 or self.size >= self.total:
+            return 0.0
+        residuals = np.array(self.times_s) - self.rate_s * np.array(self.sizes)
+        spread = math.sqrt(float(residuals @ residuals) / (number - 1))
+        return self.total * spread / math.sqrt(number) / float(np.mean(self.sizes))
 
 
 def estimate(
@@ -94,44 +154,62 @@ def estimate(
     *,
     missing: Container[Block] | None = None,
     measure_s: float = MEASURED_S,
-    most_positions: int = DRAWN,
+    most_positions: int = MAX_DRAWN,
     seed: int = 0,
 ) -> Cost:
-    """Measure a stratified random sample of a map on one core, and extrapolate.
+    """Measure a random sample of a reach map on one core, and extrapolate.
 
     Args:
-        robot: whose map.
+        robot: the robot of the map.
         positions: its grid.
-        rotations: at every position.
-        arms: which.
-        missing: blocks of the grid that are to be computed, best as `Blocks`; all when not given.
-        measure_s: how long to measure; each shell gets `LEAST` measurements, even if this takes
-            longer.
-        most_positions: how many positions to search at most.
-        seed: which positions are drawn.
+        rotations: those at every position.
+        arms: sides of the arms.
+        missing: blocks of the grid to be computed, best as `Blocks`; all by default.
+        measure_s: duration of the measurement, s; a few positions are measured in any case.
+        most_positions: maximum number of positions to search.
+        seed: seed of the random sample.
     """
     positive_scalar(measure_s, "measure_s", AtlasError)
     whole_scalar(most_positions, "most_positions", AtlasError, least=1, most=10**9)
     if not arms:
         raise AtlasError("arms is empty; a map has one or both")
     rng = np.random.default_rng(seed)
-    strata = [
-        stratum
-        for index, side in enumerate(arms)
-        for stratum in _strata(robot.arm(side), index, positions, rotations, missing, rng=rng)
-    ]
-    _measure(strata, measure_s, most_positions)
-    of_positions = round(sum(stratum.size for stratum in strata))
+    within, beyond = _Stratum(), _Stratum()
+    for index, side in enumerate(arms):
+        points, worth = _drawn(positions, index, missing, rng)
+        search = ReachSearch(robot.arm(side), rotations)
+        is_near = is_within_reach(robot.arm(side), points)
+        within.add(search, points[is_near], worth, rotations)
+        beyond.add(search, points[~is_near], worth, rotations)
+    near = within.measured(rng, measure_s, most_positions)
+    far = beyond.measured(rng, 0.0, most_positions)
+    units = round(near.total + far.total)
     return Cost(
-        len(positions) * len(rotations),
-        of_positions * len(rotations),
-        OVERHEAD * sum(stratum.total_s for stratum in strata),
-        OVERHEAD * math.hypot(*(stratum.error_s for stratum in strata)),
-        sum(each.size * each.bytes_each() for each in strata if each.measured),
-        sum(stratum.measured for stratum in strata),
-        of_positions,
-        _by_shell(strata, len(arms)),
+        units * len(rotations),
+        OVERHEAD * (near.total_s + far.total_s),
+        OVERHEAD * math.hypot(near.error_s, far.error_s),
+        near.total * within.bytes_each() + far.total * beyond.bytes_each(),
+        near.size + far.size,
+        units,
+        "position",
+        (near.rate_s, far.rate_s),
     )
+
+
+def is_within_reach(arm: Arm, points: FloatArray) -> NDArray[np.bool_]:
+    """Whether the straight arm reaches points from its shoulder.
+
+    Args:
+        arm: the arm.
+        points: in base, shape (n, 3), m.
+
+    Returns:
+        Shape (n,), bool.
+    """
+    linkage = Linkage.of(arm)
+    reach_m = linkage.upper_span_m + linkage.tip_distance_m(0.0) + linkage.shoulder_offset_m
+    distances_m = np.linalg.norm(points - linkage.T_base_first.translation, axis=1)
+    return np.asarray(distances_m < reach_m)
 
 
 def shown_time(seconds: float) -> str:
@@ -142,124 +220,62 @@ def shown_time(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-@dataclass(slots=True, eq=False)
 class _Stratum:
-    """Positions of one shell, and what was measured of them.
+    """Batches of positions at which searches take about the same time."""
 
-    Attributes:
-        arm: its index in the map.
-        shell: its index.
-        search: of the arm.
-        left: positions that were drawn and not searched, shape (n, 3).
-        size: how many positions of the map it stands for.
-        batch: how many are searched at a time.
-        times_s: a position, batch by batch.
-        kept: what was found, batch by batch, up to `KEPT_CELLS`.
-        measured: positions that were searched.
-    """
+    def __init__(self) -> None:
+        self._size = 0.0
+        self._batches: list[tuple[ReachSearch, FloatArray]] = []
+        self._kept: list[Cells] = []
 
-    arm: int
-    shell: int
-    search: ReachSearch
-    left: FloatArray
-    size: float
-    batch: int
-    times_s: list[float] = field(default_factory=list)
-    kept: list[Cells] = field(default_factory=list)
-    measured: int = 0
+    def add(
+        self, search: ReachSearch, points: FloatArray, worth: float, rotations: RotationGrid
+    ) -> None:
+        """Add positions of one arm, each of which stands for `worth` of them."""
+        self._size += worth * len(points)
+        batch = -(-2 * PAIRS // len(rotations.R_base_tips))
+        starts = range(0, len(points), batch)
+        self._batches += [(search, points[start : start + batch]) for start in starts]
 
-    def measure(self) -> None:
-        """Search the next batch."""
-        points, self.left = self.left[: self.batch], self.left[self.batch :]
-        begun = time.process_time()
-        cells = self.search.search(points)
-        self.times_s.append((time.process_time() - begun) / len(points))
-        if sum(each.margins.size for each in self.kept) < KEPT_CELLS:
-            self.kept.append(cells)
-        self.measured += len(points)
-
-    @property
-    def gain(self) -> float:
-        """How much one more measurement lessens the uncertainty, as far as known beforehand."""
-        number = len(self.times_s)
-        return self.size * SPREADS[self.shell] / math.sqrt(number * (number + 1.0))
-
-    @property
-    def mean_s(self) -> float:
-        """Of one of its positions."""
-        return float(np.mean(self.times_s)) if self.times_s else 0.0
-
-    @property
-    def total_s(self) -> float:
-        """Of all its positions."""
-        return self.size * self.mean_s
-
-    @property
-    def error_s(self) -> float:
-        """One standard error of that; none when all positions were searched."""
-        if len(self.times_s) < 2 or not len(self.left):
-            return 0.0
-        return self.size * float(np.std(self.times_s, ddof=1)) / math.sqrt(len(self.times_s))
+    def measured(self, rng: np.random.Generator, measure_s: float, most: float) -> Sample:
+        """Search batches in random order until the time is over."""
+        if self._batches:
+            search, points = self._batches[-1]
+            search.search(points[:1])  # what is computed once is no cost of a position
+        order = rng.permutation(len(self._batches)).tolist()
+        work = (lambda i=i: self._searched(i) for i in order)
+        return Sample.timed(self._size, work, measure_s, most)
 
     def bytes_each(self) -> float:
-        """What a position takes on disk."""
-        margins = np.concatenate([cells.margins for cells in self.kept])
-        witnesses = np.concatenate([cells.witnesses for cells in self.kept])
+        """Size of a position on disk."""
+        if not self._kept:
+            return 0.0
+        margins = np.concatenate([cells.margins for cells in self._kept])
+        witnesses = np.concatenate([cells.witnesses for cells in self._kept])
         return stored_bytes([margins, witnesses]) / len(margins)
 
-
-def _measure(strata: Sequence[_Stratum], measure_s: float, most_positions: int) -> None:
-    if strata:
-        strata[-1].search.search(strata[-1].left[:1])  # what is done once for all is not a cost
-    begun, room = time.monotonic(), most_positions
-    for stratum in [each for each in strata for _ in range(LEAST)]:
-        if len(stratum.left) and (room > 0 or not stratum.measured):
-            stratum.measure()
-            room -= stratum.batch
-    while time.monotonic() - begun < measure_s and room > 0:
-        left = [stratum for stratum in strata if len(stratum.left)]
-        if not left:
-            return
-        worst = max(left, key=lambda stratum: stratum.gain)
-        worst.measure()
-        room -= worst.batch
+    def _searched(self, number: int) -> int:
+        search, points = self._batches[number]
+        cells = search.search(points)
+        if sum(each.margins.size for each in self._kept) < MAX_KEPT_CELLS:
+            self._kept.append(cells)
+        return len(points)
 
 
-def _strata(
-    arm: Arm,
-    index: int,
-    positions: PositionGrid,
-    rotations: RotationGrid,
-    missing: Container[Block] | None,
-    *,
-    rng: np.random.Generator,
-) -> list[_Stratum]:
-    """Shells around the shoulder of one arm, inside first."""
-    at = _drawn(positions, rng)
-    worth = len(positions) / len(at)
-    if missing is not None:
-        blocks = (at // positions.block_edge).tolist()
-        at = at[np.array([(index, *block) in missing for block in blocks], dtype=bool)]
-    points = positions.step_m * (np.array(positions.first) + at)
-    shells, search = Shells(arm).of(points), ReachSearch(arm, rotations)
-    batch = -(-2 * PAIRS // len(rotations.R_base_tips))
-    inside = ((shell, points[shells == shell]) for shell in range(SHELLS + 1))
-    return [
-        _Stratum(index, shell, search, p, worth * len(p), batch) for shell, p in inside if len(p)
-    ]
+def _drawn(
+    positions: PositionGrid, arm: int, missing: Container[Block] | None, rng: np.random.Generator
+) -> tuple[FloatArray, float]:
+    """Random positions to be computed, shape (n, 3), m, and how many each stands for.
 
-
-def _by_shell(strata: Sequence[_Stratum], arms: int) -> tuple[tuple[float, ...], ...]:
-    means = np.zeros((arms, SHELLS + 1))
-    for stratum in strata:
-        means[stratum.arm, stratum.shell] = stratum.mean_s
-    return tuple(map(tuple, means.tolist()))
-
-
-def _drawn(positions: PositionGrid, rng: np.random.Generator) -> FloatArray:
-    """Indices of points in random order, shape (n, 3): all of a small grid, many of a large one."""
-    if len(positions) <= DRAWN:
+    All of a small grid, `MAX_DRAWN` of a large one.
+    """
+    if len(positions) <= MAX_DRAWN:
         flat = rng.permutation(len(positions))
     else:
-        flat = rng.integers(len(positions), size=DRAWN)
-    return np.stack(np.unravel_index(flat, positions.shape), axis=1)
+        flat = rng.integers(len(positions), size=MAX_DRAWN)
+    worth = len(positions) / len(flat)
+    at = np.stack(np.unravel_index(flat, positions.shape), axis=1)
+    if missing is not None:
+        blocks = (at // positions.block_edge).tolist()
+        at = at[np.array([(arm, *block) in missing for block in blocks], dtype=bool)]
+    return np.asarray(positions.step_m * (np.array(positions.first) + at)), worth

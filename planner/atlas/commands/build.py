@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from baxter_kin import Baxter
 from baxter_kin.command_line import (
     EXIT_INTERRUPTED,
@@ -55,7 +53,7 @@ from planner.atlas.commands.console import (
     write_report,
 )
 from planner.atlas.commands.rotation_files import read_rotations
-from planner.atlas.cost import MEASURED_S, Cost, estimate, shown_time
+from planner.atlas.cost import MEASURED_S, Cost, estimate, is_within_reach, shown_time
 from planner.atlas.map_files import (
     bytes_on_disk,
     check_vacant,
@@ -66,7 +64,6 @@ from planner.atlas.map_files import (
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ARRAYS, ReachMap
 from planner.atlas.rotations import RotationGrid
-from planner.atlas.shells import Shells
 
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
@@ -300,9 +297,9 @@ def _cost(asked: RequestedMap, missing: Blocks, measure_s: float) -> Cost:
 
 def _cost_text(cost: Cost, engine: Engine) -> str:
     """The cost in two lines."""
-    measured = f"by {cost.measured:,} of {cost.of_positions:,} positions measured on this machine"
+    measured = f"by {cost.measured:,} of {cost.units:,} positions measured on this machine"
     return (
-        f"{cost.cells:,} cells of {cost.poses:,} poses are to be computed: "
+        f"{cost.cells:,} cells are to be computed: "
         f"{shown_time(cost.core_s)} +- {shown_time(cost.core_error_s)} of one core\n"
         f"({measured}), {shown_time(cost.core_s / engine.workers)} with "
         f"{count(engine.workers, 'worker')}, {shown_bytes(cost.size_bytes)} on disk"
@@ -352,19 +349,20 @@ def _build(
 
 
 class BlockCosts:
-    """Expected time of each block of a map, from measurements of shells around the shoulders."""
+    """Expected time of each block of a map."""
 
     def __init__(
         self, robot: Baxter, positions: PositionGrid, arms: tuple[str, ...], cost: Cost
     ) -> None:
-        self._positions, self._shell_s = positions, np.array(cost.shell_s)
-        self._shells = [Shells(robot.arm(side)) for side in arms]
+        self._positions, self._position_s = positions, cost.position_s
+        self._arms = [robot.arm(side) for side in arms]
 
     def expected_s(self, block: Block) -> float:
         """Processor time of one block."""
         points = self._positions.points(self._positions.block_slices(block[1:])).reshape(-1, 3)
-        shells = self._shells[block[0]].of(points)
-        return BLOCK_S + float(self._shell_s[block[0], shells].sum())
+        near = int(is_within_reach(self._arms[block[0]], points).sum())
+        near_s, far_s = self._position_s
+        return BLOCK_S + near * near_s + (len(points) - near) * far_s
 
 
 @dataclass(slots=True)

@@ -1,71 +1,30 @@
-"""What a redundancy map will cost, before it is built: processor time by a measured sample.
+"""The cost of a redundancy map before it is built, by a measured sample as in `planner.atlas.cost`.
 
-Which poses are reachable the reach map knows. The work is done direction by direction; strata are
-directions with as many reachable rolls among the chosen ones. What is measured next is one of the
-stratum to which the estimate owes most of its uncertainty, by how much costs spread there as far as
-that is known beforehand, as in `planner.atlas.cost`: in proportion to the number of rolls. (Of 254
-directions with 1, 2, 4, 8 and 12 rolls the standard deviations were 5.7, 10.5, 19, 37 and 53 ms, of
-means of 17, 26, 44, 79 and 114 ms.)
+The unit of work is a position and direction with at least one reachable rotation among the chosen
+ones, and its size is the number of these.
 """
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.display import OneLine, count
-from baxter_kin.fields import evolve
-from baxter_kin.validation import FloatArray, Indices, positive_scalar
+from baxter_kin.validation import Indices, positive_scalar
 from planner.atlas.blocks import Block
-from planner.atlas.cost import LEAST, MEASURED_S, OVERHEAD, shown_time
+from planner.atlas.cost import MEASURED_S, OVERHEAD, Cost, Sample
 from planner.atlas.map_files import stored_bytes
 from planner.atlas.reach_map import ReachMap
+from planner.atlas.redundancy.freedom import Freedom
 from planner.atlas.redundancy.measures import in_steps
 from planner.atlas.redundancy.subset import Subset
 from planner.atlas.redundancy.worker import Worker, by_block, others_of, reach_cells
 from planner.errors import AtlasError
 
-DRAWN = 2000
-"""Directions of each stratum that are drawn to be measured."""
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class RedundancyCost(OneLine):
-    """What is missing of a map, and what it will take.
-
-    Attributes:
-        cells: how many are to be computed.
-        reachable: how many of them have a witness.
-        core_s: processor time on this machine.
-        core_error_s: one standard error of it.
-        size_bytes: on disk.
-        measured: how many reachable ones were measured to know it.
-    """
-
-    cells: int
-    reachable: int
-    core_s: float
-    core_error_s: float
-    size_bytes: float
-    measured: int
-
-    @property
-    def core_hours(self) -> float:
-        """Processor time on this machine."""
-        return self.core_s / 3600.0
-
-    def _facts(self) -> tuple[str, ...]:
-        return (
-            f"{self.cells:,} cells, {self.reachable:,} of them reachable",
-            f"{shown_time(self.core_s)} +- {shown_time(self.core_error_s)} of one core",
-            f"{self.size_bytes / 1e6:.3g} MB",
-            f"{count(self.measured, 'pose')} measured",
-        )
+MAX_DRAWN = 4000
+"""Directions that are drawn to be measured."""
 
 
 def estimate(
@@ -76,119 +35,77 @@ def estimate(
     missing: Collection[Block] | None = None,
     measure_s: float = MEASURED_S,
     seed: int = 0,
-) -> RedundancyCost:
-    """Measure a stratified random sample of a map on one core, and extrapolate.
+) -> Cost:
+    """Measure a random sample of a redundancy map on one core, and extrapolate.
 
     Args:
-        reach_map: on which it stands.
-        subset: which of its poses; all when not given.
+        reach_map: the reach map that it is made from.
+        subset: poses of that map; all by default.
         q_others: as for `build_redundancy_map`.
-        missing: blocks that are to be computed; all when not given.
-        measure_s: how long to measure; each stratum gets `LEAST` measurements, even if this takes
-            longer.
-        seed: what is drawn.
+        missing: blocks to be computed; all by default.
+        measure_s: duration of the measurement, s; a few directions are measured in any case.
+        seed: seed of the random sample.
     """
     positive_scalar(measure_s, "measure_s", AtlasError)
     subset = Subset.of(reach_map) if subset is None else subset
     subset.check(reach_map)
-    rng, cells, strata = np.random.default_rng(seed), 0, []
-    for index, side in enumerate(subset.arms):
-        at = _positions(subset, index, missing)
-        cells += len(at) * len(subset.rotations)
-        strata += _strata(reach_map, side, subset, at, others=q_others, rng=rng)
-    _measure(strata, measure_s)
-    rows = [row for stratum in strata for row in stratum.found]
-    reachable = sum(stratum.size * stratum.rolls for stratum in strata)
-    return RedundancyCost(
-        cells,
-        reachable,
-        OVERHEAD * sum(stratum.total_s for stratum in strata),
-        OVERHEAD * math.hypot(*(stratum.error_s for stratum in strata)),
+    rng, others = np.random.default_rng(seed), others_of(reach_map.robot, q_others)
+    workers = [Worker(reach_map, side, others) for side in subset.arms]
+    at = [_positions(subset, arm, missing) for arm in range(len(workers))]
+    reachable, units = _drawn(reach_map, subset, at, workers, rng)
+    rows: list[list[int]] = []
+    for work in _work(reach_map, subset, workers, units[:1], rows):
+        work()  # what is computed once is no cost of a pose
+    rows.clear()
+    work_left = _work(reach_map, subset, workers, units, rows)
+    sample = Sample.timed(reachable, work_left, measure_s, np.inf)
+    return Cost(
+        sum(map(len, at)) * len(subset.rotations),
+        OVERHEAD * sample.total_s,
+        OVERHEAD * sample.error_s,
         _bytes_each(rows) * reachable,
-        len(rows),
+        sample.size,
+        reachable,
+        "reachable pose",
     )
 
 
+def _work(
+    reach_map: ReachMap,
+    subset: Subset,
+    workers: list[Worker],
+    units: Indices,
+    rows: list[list[int]],
+) -> Iterator[Callable[[], int]]:
+    """For each unit a call that computes it, adds its measures to `rows` and returns its size.
+
+    The reach map is read before the call, because a build reads it once for a whole block.
+    """
+    chosen = np.array(subset.rotations)
+    for arm, *position, direction in units.tolist():
+        at, worker = np.array(position), workers[arm]
+        _, margins, witnesses = next(reach_cells(reach_map, subset.arms[arm], at[None]))
+        mine = chosen[chosen // len(worker.rotations.rolls) == direction]
+        freedoms = partial(worker.freedoms, at, margins[0], witnesses[0], mine)
+
+        def compute(freedoms: Callable[[], Iterator[tuple[int, Freedom]]] = freedoms) -> int:
+            found = [in_steps(freedom) for _, freedom in freedoms()]
+            rows.extend(found)
+            return len(found)
+
+        yield compute
+
+
 def _bytes_each(rows: list[list[int]]) -> float:
-    """What one more pose takes on disk."""
+    """The size of one more pose on disk."""
     if len(rows) < 2:
         return 0.0
     table = np.array(rows, np.int32).T.copy()
     return (stored_bytes([table]) - stored_bytes([table[:, :1].copy()])) / (len(rows) - 1)
 
 
-@dataclass(slots=True, eq=False)
-class _Stratum:
-    """Directions with so many reachable rolls, at any position.
-
-    Attributes:
-        worker: of the arm.
-        reach_map: the map.
-        side: of the arm.
-        chosen: indices of the subset's rotations.
-        rolls: how many reachable ones each direction has.
-        size: how many directions there are.
-        left: of those that were drawn and are not measured, position and direction, shape (n, 4).
-        times_s: of each that was measured.
-        found: freedoms in steps, of all poses measured.
-    """
-
-    worker: Worker
-    reach_map: ReachMap
-    side: str
-    chosen: Indices
-    rolls: int
-    size: int
-    left: Indices
-    times_s: list[float] = field(default_factory=list)
-    found: list[list[int]] = field(default_factory=list)
-
-    def measure(self) -> None:
-        """Compute the next direction."""
-        (*position, direction), self.left = self.left[0], self.left[1:]
-        at, rolls = np.array(position), len(self.worker.rotations.rolls)
-        _, margins, witnesses = next(reach_cells(self.reach_map, self.side, at[None]))
-        chosen = self.chosen[self.chosen // rolls == direction]
-        begun = time.process_time()
-        freedoms = list(self.worker.freedoms(at, margins[0], witnesses[0], chosen))
-        self.times_s.append(time.process_time() - begun)
-        self.found += [in_steps(each) for _, each in freedoms]
-
-    @property
-    def gain(self) -> float:
-        """How much one more measurement lessens the uncertainty, as far as known beforehand."""
-        number = len(self.times_s)
-        return self.size * self.rolls / math.sqrt(number * (number + 1.0))
-
-    @property
-    def total_s(self) -> float:
-        """Of all of them."""
-        return self.size * float(np.mean(self.times_s)) if self.times_s else 0.0
-
-    @property
-    def error_s(self) -> float:
-        """One standard error of that; none when all were measured."""
-        if len(self.times_s) < 2 or len(self.times_s) == self.size:
-            return 0.0
-        return self.size * float(np.std(self.times_s, ddof=1)) / math.sqrt(len(self.times_s))
-
-
-def _measure(strata: Sequence[_Stratum], measure_s: float) -> None:
-    if strata:
-        evolve(strata[0], times_s=[], found=[]).measure()  # what is done once for all is no cost
-    begun = time.monotonic()
-    for stratum in [each for each in strata for _ in range(LEAST)]:
-        if len(stratum.left):
-            stratum.measure()
-    while time.monotonic() - begun < measure_s:
-        left = [stratum for stratum in strata if len(stratum.left)]
-        if not left:
-            return
-        max(left, key=lambda stratum: stratum.gain).measure()
-
-
 def _positions(subset: Subset, arm: int, missing: Collection[Block] | None) -> Indices:
-    """Indices in the reach map's grid of one arm's positions that are to be computed, (n, 3)."""
+    """Indices in the reach map's grid of one arm's positions to be computed, shape (n, 3)."""
     if missing is None:
         return subset.positions().reshape(-1, 3)
     mine = [block for block in missing if block[0] == arm]
@@ -196,33 +113,35 @@ def _positions(subset: Subset, arm: int, missing: Collection[Block] | None) -> I
     return np.concatenate([np.zeros((0, 3), np.intp), *parts])
 
 
-def _strata(
+def _drawn(
     reach_map: ReachMap,
-    side: str,
     subset: Subset,
-    at: Indices,
-    *,
-    others: ArrayLike | None,
+    at: list[Indices],
+    workers: list[Worker],
     rng: np.random.Generator,
-) -> list[_Stratum]:
-    worker = Worker(reach_map, side, others_of(reach_map.robot, others))
-    chosen, rolls = np.array(subset.rotations), len(worker.rotations.rolls)
-    sizes, drawn = np.zeros(rolls + 1, int), dict[int, tuple[FloatArray, Indices]]()
-    for counts, where in _counted(reach_map, side, at, chosen, rolls):
-        sizes += np.bincount(counts, minlength=rolls + 1)
-        keys = rng.random(len(counts))
-        for number in np.unique(counts[counts > 0]).tolist():
-            _keep_least(drawn, number, keys[counts == number], where[counts == number])
-    return [
-        _Stratum(worker, reach_map, side, chosen, number, int(sizes[number]), left)
-        for number, (_, left) in sorted(drawn.items())
-    ]
+) -> tuple[int, Indices]:
+    """Number of reachable poses, and random units: arm, position and direction, shape (n, 5).
+
+    Units with the smallest random keys are kept, so all are equally likely.
+    """
+    chosen = np.array(subset.rotations)
+    reachable, keys, units = 0, np.zeros(0), np.zeros((0, 5), np.intp)
+    for arm, (side, worker) in enumerate(zip(subset.arms, workers, strict=True)):
+        rolls = len(worker.rotations.rolls)
+        for counts, where in _counted(reach_map, side, at[arm], chosen, rolls):
+            found = where[counts > 0]
+            reachable += int(counts.sum())
+            units = np.concatenate([units, np.insert(found, 0, arm, axis=1)])
+            keys = np.concatenate([keys, rng.random(len(found))])
+            kept = np.argsort(keys)[:MAX_DRAWN]
+            keys, units = keys[kept], units[kept]
+    return reachable, units
 
 
 def _counted(
     reach_map: ReachMap, side: str, at: Indices, chosen: Indices, rolls: int
 ) -> Iterator[tuple[NDArray[np.intp], Indices]]:
-    """Of each position and direction, how many chosen rolls are reachable; block by block."""
+    """For each position and direction, the number of reachable chosen rolls; block by block."""
     directions = np.unique(chosen // rolls)
     first = np.searchsorted(chosen // rolls, directions)
     for block, rows in by_block(reach_map, at):
@@ -234,14 +153,3 @@ def _counted(
             [np.repeat(at[rows], len(directions), axis=0), np.tile(directions, len(rows))]
         )
         yield counts.ravel(), where
-
-
-def _keep_least(
-    drawn: dict[int, tuple[FloatArray, Indices]], number: int, keys: FloatArray, where: Indices
-) -> None:
-    """Keep those with the least random keys: any of all that came is kept as likely as another."""
-    if number in drawn:
-        keys = np.concatenate([drawn[number][0], keys])
-        where = np.concatenate([drawn[number][1], where])
-    kept = np.argsort(keys)[:DRAWN]
-    drawn[number] = keys[kept], where[kept]

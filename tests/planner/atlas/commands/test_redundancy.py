@@ -35,7 +35,7 @@ def test_a_map_is_built_and_checked(
     path = tmp_path / "freedom.zarr"
     assert run(small_map.path, path, *CHOICE, "--measure-s", 0.1, "--check", 1) == 0
     told = capsys.readouterr().out
-    assert told.startswith("missing: RedundancyCost(6 cells, ")
+    assert told.startswith("missing: Cost(6 cells, ")
     assert "complete: RedundancyMap(left, 1 x 3 x 1 points, 2 rotations)" in told
     assert "RedundancyCheck(1 cells, 0 wrong, 0 missed pieces" in told
     found = RedundancyMap(path)
