@@ -1,4 +1,4 @@
-"""The command: its options, and one run from options to table, JSON and plot."""
+"""The benchmark's command line: its options, and the run that prints and writes results."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ MEASURED, RATES, OUTPUT = "what is measured", "solve rates on many cores", "outp
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkOptions:
-    """What to measure, where, and what to write."""
+    """Options of the benchmark."""
 
     urdf: Path | None = urdf_option(MEASURED)
     limb: str = option(
@@ -78,9 +78,9 @@ class BenchmarkOptions:
         default=0,
         metavar="N",
         group=MEASURED,
-        help="of the random poses",
+        help="seed of the random poses",
     )
-    given_scenarios: tuple[str, ...] = option(
+    scenario_names: tuple[str, ...] = option(
         "--scenario",
         nargs="+",
         choices=SCENARIOS,
@@ -98,11 +98,15 @@ class BenchmarkOptions:
         group=MEASURED,
         help=f"solvers: {', '.join(SOLVERS)} (default: all that are installed)",
     )
-    with_batch: bool = flag("--batch", group=MEASURED, help="measure solve_batch as well")
+    with_batch: bool = flag(
+        "--batch",
+        group=MEASURED,
+        help="also time calls for many poses",
+    )
     rates_only: bool = flag(
         "--rates-only",
         group=RATES,
-        help="measure no times, which a machine at work would spoil; poses are spread over workers",
+        help="measure solve rates only, in parallel; a busy machine does not affect them",
     )
     engine: EngineOptions = part(EngineOptions, RATES)
     json: Path | None = option(
@@ -140,7 +144,7 @@ class BenchmarkOptions:
     @property
     def scenarios(self) -> tuple[Scenario, ...]:
         """The pose sets, in order."""
-        return tuple(dict.fromkeys(map(Scenario, self.given_scenarios)))
+        return tuple(dict.fromkeys(map(Scenario, self.scenario_names)))
 
 
 def _check_plot(path: Path) -> None:

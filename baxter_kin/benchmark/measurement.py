@@ -1,9 +1,9 @@
-"""Measuring: every contestant on the same poses, timed around its public call only.
+"""Measurements: every contestant on the same poses, timed around its public call only.
 
-Every answer is checked by Pinocchio on the whole robot's URDF, whatever its solver says. Where a
-contestant has a call for many poses, a whole batch is timed as well: held to one core, and on all.
-Solve rates alone can be measured by the workers of any engine. Solvers that draw random numbers of
-their own, or stop by the clock, may answer differently the next time; ours do neither.
+Every answer is verified by Pinocchio on the whole robot's URDF. Where a contestant has a call for
+many poses, a whole batch is timed as well, on one core and on all. Solve rates alone can be
+measured by the workers of any engine. Solvers that draw random numbers, or stop by the clock, may
+give other answers the next time; ours do neither.
 """
 
 from __future__ import annotations
@@ -38,11 +38,24 @@ LIMIT_ROUNDING_RAD = 1e-9
 """Overshoot of a joint limit that counts as rounding."""
 
 LOOSE_TOLERANCE = 1e-5
-"""Error along (m) and about (rad) each axis of the tip; what TRAC-IK, and those who compare
-themselves with it, call solved. Its authors: Beeson and Ames, Humanoids 2015."""
+"""Error along (m) and about (rad) each axis of the tip: the success criterion of the TRAC-IK paper
+(Beeson and Ames, Humanoids 2015)."""
 
 LOOSE_LIMIT_RAD = 1e-6
 """Overshoot of a joint limit allowed with it; some solvers keep limits in single precision."""
+
+BLOCK = 100
+"""Number of poses after which the next contestant takes its turn: enough for warm caches, few
+enough that changes of the machine's speed affect all contestants."""
+
+WARM_UP = 3
+"""Number of calls before each block that are not measured."""
+
+REPEATS = 3
+"""Number of times that a batch is timed; the median counts."""
+
+_TASKS = Path("/proc/self/task")
+"""The threads of this process, on Linux."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +67,7 @@ class Verdict:
         orientation_error_rad: angle between requested and reached tip.
         axis_error: greatest error along or about one axis of the requested tip, m or rad.
         limit_excess_rad: how far the joint farthest outside its limits is outside; 0 inside.
-        is_claimed: whether the solver says that it found an answer.
+        is_claimed: whether the solver reports success.
     """
 
     position_error_m: float = math.inf
@@ -65,7 +78,7 @@ class Verdict:
 
     @property
     def is_solved(self) -> bool:
-        """Within 1e-6 m and 1e-6 rad, inside the limits."""
+        """Within `TOLERANCE` of the pose, inside the limits."""
         return (
             self.position_error_m <= TOLERANCE
             and self.orientation_error_rad <= TOLERANCE
@@ -74,7 +87,7 @@ class Verdict:
 
     @property
     def is_solved_loosely(self) -> bool:
-        """Within 1e-5 per axis, and inside the limits within 1e-6 rad."""
+        """Within `LOOSE_TOLERANCE` per axis, inside the limits within `LOOSE_LIMIT_RAD`."""
         return self.axis_error <= LOOSE_TOLERANCE and self.limit_excess_rad <= LOOSE_LIMIT_RAD
 
 
@@ -97,7 +110,7 @@ class Verifier:
         return pin.SE3(pin.updateFramePlacement(self._model, self._data, self._tip_id))
 
     def verdict(self, T_base_tip: pin.SE3, q: object) -> Verdict:
-        """The verdict on an answer of any type; valid answers are seven finite numbers."""
+        """Verdict on an answer of any type; a valid one is seven finite numbers."""
         values = _seven_numbers(q)
         if values is None:
             return Verdict(is_claimed=q is not None)
@@ -125,14 +138,6 @@ def _seven_numbers(q: object) -> FloatArray | None:
     return values if values.shape == (7,) and np.isfinite(values).all() else None
 
 
-BLOCK = 100
-"""Contestants take turns in blocks of so many poses: long enough for warm caches, short enough for
-a change of the machine's pace to meet all of them."""
-
-WARM_UP = 3
-"""Calls before each block that are not measured."""
-
-
 @dataclass(slots=True)
 class Measurement:
     """One contestant on one set of poses.
@@ -140,7 +145,7 @@ class Measurement:
     Attributes:
         key: the solver's name on the command line.
         contestant: the solver.
-        limb: "left" or "right".
+        side: "left" or "right".
         scenario: the set of poses.
         times_ns: of every call, in the order of the poses.
         verdicts: on every answer, in the same order.
@@ -149,7 +154,7 @@ class Measurement:
 
     key: str
     contestant: Contestant
-    limb: str
+    side: str
     scenario: Scenario
     times_ns: list[int] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
@@ -162,22 +167,22 @@ class Measurement:
 
     @property
     def is_solved(self) -> tuple[bool, ...]:
-        """Whether each pose was solved within 1e-6 m and rad, inside the limits."""
+        """Whether each pose was solved, by `Verdict.is_solved`."""
         return tuple(verdict.is_solved for verdict in self.verdicts)
 
     @property
     def solve_rate(self) -> float:
-        """Ratio of poses solved within 1e-6 m and rad, inside the limits."""
+        """Ratio of poses solved, by `Verdict.is_solved`."""
         return float(np.mean(self.is_solved))
 
     @property
     def loose_solve_rate(self) -> float:
-        """Ratio of poses solved within 1e-5 per axis."""
+        """Ratio of poses solved, by `Verdict.is_solved_loosely`."""
         return float(np.mean([verdict.is_solved_loosely for verdict in self.verdicts]))
 
     @property
     def wrong_claims(self) -> int:
-        """Answers the solver gave as valid that are not within 1e-5 either."""
+        """Number of answers reported as valid that are not solved even loosely."""
         return sum(
             verdict.is_claimed and not verdict.is_solved_loosely for verdict in self.verdicts
         )
@@ -209,7 +214,7 @@ def measure(
     verifier: Verifier,
     tick: Callable[[int], object] = lambda _: None,
 ) -> list[Measurement]:
-    """Let every contestant solve the poses, block by block, always in the same order.
+    """Let every contestant solve the poses, in turns, block by block.
 
     Args:
         contestants: by key.
@@ -217,8 +222,8 @@ def measure(
         verifier: checks every answer.
         tick: called with the number of calls done since it was last called.
     """
-    limb, scenario = poses.side, poses.scenario
-    rows = [Measurement(key, who, limb, scenario) for key, who in contestants.items()]
+    side, scenario = poses.side, poses.scenario
+    rows = [Measurement(key, who, side, scenario) for key, who in contestants.items()]
     for block in poses.blocks(BLOCK):
         for row in rows:
             _measure_block(row, block, verifier)
@@ -228,21 +233,19 @@ def measure(
 
 @dataclass(frozen=True, slots=True)
 class _Raised:
-    """The text of an exception, in place of an answer."""
+    """The text of an exception, instead of an answer."""
 
     text: str
 
 
 def _measure_block(row: Measurement, block: PoseSet, verifier: Verifier) -> None:
     """Time the calls back to back, then check the answers."""
-    call, targets = row.contestant.call, block.T_base_tips
-    warming, requests = (
-        [row.contestant.prepare(*pair) for pair in zip(targets, block.q_seeds, strict=True)]
-        for _ in range(2)
-    )
-    with _no_garbage_collection():  # which has scanned all objects, and so emptied caches
-        for request in warming[:WARM_UP]:
-            _timed(call, request)
+    call, prepare, targets = row.contestant.call, row.contestant.prepare, block.T_base_tips
+    pairs = list(zip(targets, block.q_seeds, strict=True))
+    requests = [prepare(*pair) for pair in pairs]
+    with _no_garbage_collection():
+        for pair in pairs[:WARM_UP]:  # the collection has evicted the processor's caches
+            _timed(call, prepare(*pair))
         timed = [_timed(call, request) for request in requests]
     for target, (time_ns, answer) in zip(targets, timed, strict=True):
         row.times_ns.append(time_ns)
@@ -267,16 +270,15 @@ def _verdict(row: Measurement, verifier: Verifier, target: pin.SE3, answer: Any)
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Keep garbage collection, which would be part of the measured time, out of the block."""
+    """Collect garbage before the block instead of in it, where it would add to measured times."""
+    was_enabled = gc.isenabled()
     gc.collect()
     gc.disable()
     try:
         yield
     finally:
-        gc.enable()
-
-
-REPEATS = 3
+        if was_enabled:
+            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,18 +288,19 @@ class BatchMeasurement:
     Attributes:
         key: the solver's name on the command line.
         name: of the contestant.
-        limb: "left" or "right".
+        side: "left" or "right".
         scenario: the set of poses.
         count: poses in the batch.
         solve_rate: ratio of poses solved within 1e-6 m and rad, inside the limits.
-        poses_per_s_one_core: with the process held to one core; None where the system cannot.
-        poses_per_s: with all cores it may use.
-        cores: how many those are.
+        poses_per_s_one_core: rate with the process pinned to one core; None where the system
+            cannot do that.
+        poses_per_s: rate with all usable cores.
+        cores: number of usable cores.
     """
 
     key: str
     name: str
-    limb: str
+    side: str
     scenario: Scenario
     count: int
     solve_rate: float
@@ -309,7 +312,7 @@ class BatchMeasurement:
 def measure_batch(
     key: str, contestant: Contestant, poses: PoseSet, verifier: Verifier
 ) -> BatchMeasurement | None:
-    """Time `call_batch` on all poses at once; None when the contestant has no such call."""
+    """Time `call_batch` on all poses; None if the contestant has no such call."""
     call = contestant.call_batch
     if call is None:
         return None
@@ -321,7 +324,7 @@ def measure_batch(
     return BatchMeasurement(
         key=key,
         name=contestant.name,
-        limb=poses.side,
+        side=poses.side,
         scenario=poses.scenario,
         count=len(poses),
         solve_rate=float(np.mean([verdict.is_solved for verdict in verdicts])),
@@ -332,16 +335,13 @@ def measure_batch(
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if _can_pin() else os.cpu_count() or 1
 
 
 def _can_pin() -> bool:
-    """Only Linux lets a process choose its cores."""
+    """Whether a process can choose its cores, which only Linux allows."""
     return hasattr(os, "sched_setaffinity") and _TASKS.is_dir()
-
-
-_TASKS = Path("/proc/self/task")
 
 
 def _rate_on_one_core(call: BatchCall, poses: PoseSet) -> float | None:
@@ -363,7 +363,7 @@ def _rate(call: BatchCall, poses: PoseSet) -> float:
 
 @contextmanager
 def _one_core() -> Iterator[None]:
-    """Hold every thread there is, and so every thread they start, to one core."""
+    """Pin all threads, and so all that they start, to one core."""
     cores = os.sched_getaffinity(0)
     _pin({min(cores)})
     try:
@@ -379,7 +379,7 @@ def _pin(cores: set[int]) -> None:
 
 
 class _Piece(NamedTuple):
-    """Some poses for one solver: what a worker gets."""
+    """The task of a worker: some poses for one solver."""
 
     key: str
     urdf: str
@@ -394,11 +394,11 @@ def measure_rates(
     engine: Engine,
     tick: Callable[[int], object] = lambda _: None,
 ) -> list[Measurement]:
-    """Let every contestant solve the poses on the workers of an engine; nothing is timed.
+    """Let every contestant solve the poses on the workers of an engine, without times.
 
     Args:
-        robot: whose arm the poses are for.
-        contestants: by key.
+        robot: the robot of the arm that the poses are for.
+        contestants: by key; workers set up the entrant of that key themselves.
         poses: what to solve.
         engine: runs the work.
         tick: called with the number of calls done since it was last called.
@@ -422,14 +422,14 @@ def measure_rates(
 
 
 class _Answers(NamedTuple):
-    """The verdicts on a piece, and what calls raised."""
+    """Verdicts on a piece, and counts of exceptions."""
 
     verdicts: list[Verdict]
     errors: dict[str, int]
 
 
 def _answers_to(piece: _Piece) -> _Answers:
-    """The task of a worker, which sets a solver up once and keeps it."""
+    """Solve a piece, in a worker, which sets each solver up once."""
     contestant, verifier = _solver(piece.key, piece.poses.side, piece.urdf)
     (row,) = measure({piece.key: contestant}, piece.poses, verifier)
     return _Answers(row.verdicts, row.errors)

@@ -39,7 +39,7 @@ def draw(rows: Sequence[Measurement], path: Path) -> None:
     """Draw one panel for each arm and scenario, in the format that the file's name ends in."""
     panels: dict[str, list[Measurement]] = {}
     for row in rows:
-        panels.setdefault(f"{row.limb} arm, {row.scenario.caption}", []).append(row)
+        panels.setdefault(f"{row.side} arm, {row.scenario.caption}", []).append(row)
     columns = min(COLUMNS, max(1, len(panels)))
     lines = max(1, math.ceil(len(panels) / columns))
     size = (PANEL_INCHES[0] * columns, PANEL_INCHES[1] * lines + 0.8)

@@ -1,7 +1,7 @@
 """Poses to solve: reachable by construction, drawn from a seeded generator.
 
-Every pose is the tip pose of a configuration inside the limits, so that a solver that does not find
-joint angles for it has failed. A scenario is a way to draw configurations, and a way to draw seeds.
+Every pose is the tip pose of a configuration within the limits, so a solver that finds no joint
+angles for it has failed. A scenario defines how configurations and seeds are drawn.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ STRETCHED_E1_RAD = math.atan(0.069 / 0.36442) - math.atan(0.010 / 0.37429)
 offset from the upper arm by 69 mm and the wrist from the forearm by 10 mm (URDF)."""
 
 WINDOW_RAD = 0.1
-"""How far a singular elbow may be from `STRETCHED_E1_RAD`, and a singular wrist from straight. The
-offsets of the links make it 0.055 and 0.027 at most; another singularity would be farther off."""
+"""Tolerance of the elbow angle about `STRETCHED_E1_RAD`, and of the wrist about straight. The
+offsets of the links make it 0.055 and 0.027 at most; other singularities lie farther away."""
 
 E0, E1, W0, W1 = 2, 3, 4, 5
 
 
 class Scenario(Enum):
-    """Which configurations, and which seeds."""
+    """How goal configurations and seeds are drawn."""
 
     MID_RANGE = "mid-range"
     NEAR = "near"
@@ -72,7 +72,7 @@ class PoseSet:
         return len(self.T_base_tips)
 
     def blocks(self, size: int) -> Iterator[PoseSet]:
-        """The same poses in sets of so many."""
+        """Split into consecutive sets of at most `size` poses."""
         for first in range(0, len(self), size):
             part = slice(first, first + size)
             arrays = self.q_goals[part], self.q_seeds[part], self.T_base_tips[part]
@@ -86,7 +86,7 @@ def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSe
     share their poses and differ in the seeds only.
     """
     drawn_as = Scenario.MID_RANGE if scenario is Scenario.NEAR else scenario
-    key = [seed, LIMBS.index(arm.side), list(Scenario).index(drawn_as)]
+    key = [seed, LIMBS.index(arm.side), _STREAMS[drawn_as]]
     goals_rng, seeds_rng = np.random.default_rng(key).spawn(2)
     q_goals = np.array([_DRAW[drawn_as](arm, goals_rng) for _ in range(count)])
     q_seeds = _near(arm, q_goals, seeds_rng) if scenario is Scenario.NEAR else _mid(arm, count)
@@ -95,7 +95,7 @@ def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSe
 
 
 def smallest_singular_value(arm: Arm, q: FloatArray) -> float:
-    """Of the tip's Jacobian, in its mixed units of m and rad; zero at a singularity."""
+    """Smallest singular value of the tip's Jacobian (mixed units, m and rad)."""
     return float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
 
 
@@ -158,15 +158,15 @@ def _singular(
     joints: tuple[int, int],
     is_wanted: Callable[[FloatArray], bool],
 ) -> FloatArray:
-    """The first start that moving two joints makes singular inside the limits."""
+    """A singular configuration within the limits, by moving two joints of random starts."""
     while True:
-        q = _made_singular(arm, start(), joints)
+        q = _moved_to_singularity(arm, start(), joints)
         is_inside = bool(np.all(arm.limits.q_min <= q) and np.all(q <= arm.limits.q_max))
         if is_inside and is_wanted(q) and smallest_singular_value(arm, q) <= SINGULAR:
             return q
 
 
-def _made_singular(arm: Arm, q: FloatArray, joints: tuple[int, int]) -> FloatArray:
+def _moved_to_singularity(arm: Arm, q: FloatArray, joints: tuple[int, int]) -> FloatArray:
     """Gauss-Newton on J(q)^T u = 0 over two joint angles and the unit wrench u.
 
     A 6 x 7 matrix loses rank on a set of codimension 2, so two joints suffice. It may not converge,
@@ -175,14 +175,16 @@ def _made_singular(arm: Arm, q: FloatArray, joints: tuple[int, int]) -> FloatArr
     q = q.copy()
     for _ in range(8):
         U, _, _ = np.linalg.svd(arm.jacobian(q))
-        J_T, u, turns = arm.jacobian(q).T, U[:, -1], U[:, :-1]
-        slopes = [_slope(arm, q, joint).T @ u for joint in joints]
-        step = np.linalg.lstsq(np.column_stack([J_T @ turns, *slopes]), -J_T @ u, rcond=None)[0]
+        J_T, u, other_directions = arm.jacobian(q).T, U[:, -1], U[:, :-1]
+        slopes = [_jacobian_derivative(arm, q, joint).T @ u for joint in joints]
+        step = np.linalg.lstsq(
+            np.column_stack([J_T @ other_directions, *slopes]), -J_T @ u, rcond=None
+        )[0]
         q[list(joints)] += step[-2:]
     return q
 
 
-def _slope(arm: Arm, q: FloatArray, joint: int) -> FloatArray:
+def _jacobian_derivative(arm: Arm, q: FloatArray, joint: int) -> FloatArray:
     """Derivative of the Jacobian by one joint, by central differences, shape (6, 7)."""
     step = np.zeros(len(q))
     step[joint] = 1e-6
@@ -195,6 +197,14 @@ _DRAW: dict[Scenario, Callable[[Arm, np.random.Generator], FloatArray]] = {
     Scenario.ELBOW_STRAIGHT: _elbow_straight,
     Scenario.WRIST_SINGULAR: _wrist_singular,
 }
+
+_STREAMS = {
+    Scenario.MID_RANGE: 0,
+    Scenario.AT_LIMITS: 2,
+    Scenario.ELBOW_STRAIGHT: 3,
+    Scenario.WRIST_SINGULAR: 4,
+}
+"""Part of the random key of each scenario; another number means other poses."""
 
 _CAPTIONS = {
     Scenario.MID_RANGE: "uniform poses, mid-range seed",

@@ -122,14 +122,14 @@ class BenchmarkOutcome:
             ],
             "not_measured": [asdict(absence) for absence in self.absences],
             "measurements": [_measurement(row) for row in self.rows],
-            "batches": [{**asdict(row), "scenario": row.scenario.value} for row in self.batches],
+            "batches": [_batch(row) for row in self.batches],
         }
 
 
 def _measurement(row: Measurement) -> dict[str, Any]:
     return {
         "solver": row.key,
-        "limb": row.limb,
+        "limb": row.side,
         "scenario": row.scenario.value,
         "solve_rate": row.solve_rate,
         "loose_solve_rate": row.loose_solve_rate,
@@ -142,6 +142,11 @@ def _measurement(row: Measurement) -> dict[str, Any]:
             _finite(verdict.orientation_error_rad) for verdict in row.verdicts
         ],
     }
+
+
+def _batch(row: BatchMeasurement) -> dict[str, Any]:
+    values = asdict(row)
+    return {**values, "limb": values.pop("side"), "scenario": row.scenario.value}
 
 
 def _times(row: Measurement) -> dict[str, Any]:
@@ -183,9 +188,9 @@ def markdown(outcome: BenchmarkOutcome) -> str:
 def _tables(outcome: BenchmarkOutcome) -> Iterable[str]:
     groups: dict[tuple[str, str], list[Measurement]] = {}
     for row in outcome.rows:
-        groups.setdefault((row.limb, row.scenario.caption), []).append(row)
-    for (limb, caption), rows in groups.items():
-        title = f"**{limb.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
+        groups.setdefault((row.side, row.scenario.caption), []).append(row)
+    for (side, caption), rows in groups.items():
+        title = f"**{side.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
         columns = COLUMNS if not outcome.options.rates_only else RATE_COLUMNS
         cells = [_cells(row)[: len(columns)] for row in rows]
         yield title + "\n\n" + _table(columns, cells)
@@ -205,7 +210,7 @@ def _batch_table(batches: Sequence[BatchMeasurement]) -> str:
         rows.append(
             (
                 batch.name,
-                f"{batch.count}, {batch.limb}, {batch.scenario.value}",
+                f"{batch.count}, {batch.side}, {batch.scenario.value}",
                 percent(batch.solve_rate),
                 "-" if one is None else f"{one:,.0f}",
                 f"{batch.poses_per_s:,.0f} ({batch.cores})",
@@ -239,7 +244,7 @@ def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
 
 def _irregularities(rows: Iterable[Measurement]) -> Iterable[str]:
     for row in rows:
-        where = f"{row.contestant.name}, {row.limb} arm, {row.scenario.value}"
+        where = f"{row.contestant.name}, {row.side} arm, {row.scenario.value}"
         if row.wrong_claims:
             yield f"{where}: {row.wrong_claims} answers given as valid are not within 1e-5."
         for text, times in row.errors.items():

@@ -1,8 +1,7 @@
-"""The solvers that may take part: ours and the peers, of which none is imported before it is used.
+"""Solvers that can take part: ours and peers, which are imported only when they are used.
 
-Another row of the table is another line in `OURS` or `PEERS`; a `Contestant` is a solver as it is
-measured. Peers get the arm's own joint placements, or read the stock robot's URDF; those that read
-it do not take part with a robot of one's own.
+To add a solver, add a line to `OURS` or `PEERS`. Some peers are given the arm's joint placements;
+others read the stock robot's URDF and are skipped when another robot is measured.
 """
 
 from __future__ import annotations
@@ -29,20 +28,19 @@ BatchCall: TypeAlias = Callable[[Sequence[pin.SE3], Sequence[FloatArray]], Seque
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """A solver as three steps, of which only the middle one is timed.
+    """A solver in three steps, of which only the middle one is timed.
 
     Attributes:
-        name: as the table shows it.
-        version: of the package it comes from.
-        settings: everything that was chosen for it, as a phrase.
-        prepare: pose and seed, shape (7,), rad, as the solver takes them; not timed.
-        call: the public call, on what `prepare` gave; timed.
-        read: joint values of what `call` gave, shape (7,), rad, or None when the solver itself
-            says that it found none; not timed.
-        forward: the solver's own forward kinematics, a 4 x 4 matrix seen from base, to check that
-            it solves the same arm; None when it has none of its own.
-        call_batch: many poses and seeds in one call, one result each as of `call`; None when it has
-            no such call.
+        name: its name in tables.
+        version: version of its package.
+        settings: its settings, as a phrase.
+        prepare: converts pose and seed, shape (7,), rad, to arguments of `call`; not timed.
+        call: the solver's public call; timed.
+        read: converts an answer to joint values, shape (7,), rad, or None when the solver reports
+            a failure; not timed.
+        forward: the solver's forward kinematics, a 4 x 4 matrix seen from base, to check that it
+            solves the same arm; None if it has none.
+        call_batch: solves many poses from many seeds, with one result each; None if it cannot.
         is_ours: whether it is this toolkit.
     """
 
@@ -57,8 +55,8 @@ class Contestant:
     is_ours: bool = False
 
 
-def short(number: float) -> str:
-    """A tolerance as people write it, such as 1e-5."""
+def scientific(number: float) -> str:
+    """A number in short scientific notation, such as 1e-5."""
     return np.format_float_scientific(number, trim="-", exp_digits=1)
 
 
@@ -94,7 +92,7 @@ def ours(arm: Arm, **options: Any) -> Contestant:
 
 
 TOOLBOX_SEARCHES = 1000
-"""Starts before it gives up; the package's default of 100 fails on a few poses."""
+"""Maximum number of starts; the default of the package, 100, fails on a few poses."""
 
 
 def toolbox(arm: Arm, *, tolerance: float) -> Contestant:
@@ -115,9 +113,9 @@ def toolbox(arm: Arm, *, tolerance: float) -> Contestant:
     ]
     ets = ETS([*parts, ET.SE3(last.homogeneous)])
     return Contestant(
-        name=f"roboticstoolbox (tol {short(tolerance)})",
-        version=metadata.version("roboticstoolbox-python"),
-        settings=f"`ETS.ik_LM`, tol {short(tolerance)} on half the squared error, slimit "
+        name=f"roboticstoolbox (tol {scientific(tolerance)})",
+        version=version_of("roboticstoolbox-python"),
+        settings=f"`ETS.ik_LM`, tol {scientific(tolerance)} on half the squared error, slimit "
         f"{TOOLBOX_SEARCHES}, else its defaults (Chan, 30 iterations a search)",
         prepare=lambda T_base_tip, q_seed: (T_base_tip.homogeneous, q_seed.copy()),
         call=partial(ets.ik_LM, tol=tolerance, slimit=TOOLBOX_SEARCHES),
@@ -149,10 +147,10 @@ def trac_ik(arm: Arm, *, epsilon: float) -> Contestant:
         return T_base_tip
 
     return Contestant(
-        name=f"TRAC-IK (eps {short(epsilon)})",
-        version=f"pytracik {metadata.version('pytracik')}",
-        settings=f"`TracIK.ik`, Speed, {1e3 * TRAC_IK_TIMEOUT_S:g} ms, eps {short(epsilon)} per "
-        "axis; it always runs two threads",
+        name=f"TRAC-IK (eps {scientific(epsilon)})",
+        version=f"pytracik {version_of('pytracik')}",
+        settings=f"`TracIK.ik`, Speed, {1e3 * TRAC_IK_TIMEOUT_S:g} ms, eps {scientific(epsilon)} "
+        "per axis; it always runs two threads",
         prepare=lambda pose, q_seed: (pose.translation.copy(), pose.rotation.copy(), q_seed.copy()),
         call=solver.ik,
         read=lambda q: q,
@@ -161,11 +159,11 @@ def trac_ik(arm: Arm, *, epsilon: float) -> Contestant:
 
 
 OPTIK_TOLERANCE = 1e-12
-"""On the squared length of the pose error (m and rad mixed): the loosest that implies 1e-6. The
-default, 1e-6, leaves errors of 1e-3."""
+"""Bound on the squared length of the pose error (m and rad mixed): the loosest that guarantees
+1e-6. The default, 1e-6, leaves errors of 1e-3."""
 
 OPTIK_MAX_TIME_S = 0.1
-"""Its default."""
+"""The default of the package."""
 
 
 def optik(arm: Arm) -> Contestant:
@@ -185,10 +183,10 @@ def optik(arm: Arm) -> Contestant:
     T_base_root: FloatArray = arm.T_base_tip(q).homogeneous @ np.linalg.inv(np.array(robot.fk(q)))
     T_root_base = np.linalg.inv(T_base_root)
     return Contestant(
-        name=f"OptIK (tol {short(OPTIK_TOLERANCE)})",
-        version=f"optik-py {metadata.version('optik-py')}",
+        name=f"OptIK (tol {scientific(OPTIK_TOLERANCE)})",
+        version=f"optik-py {version_of('optik-py')}",
         settings=f"`Robot.ik`, speed, 1 thread, {1e3 * OPTIK_MAX_TIME_S:g} ms, tol_f "
-        f"{short(OPTIK_TOLERANCE)}; poses corrected by the constant offset of its base",
+        f"{scientific(OPTIK_TOLERANCE)}; poses corrected by the constant offset of its base",
         prepare=lambda pose, q_seed: (T_root_base @ pose.homogeneous, q_seed.copy()),
         call=partial(robot.ik, config),
         read=lambda answer: None if answer is None else np.array(answer[0]),
@@ -200,7 +198,8 @@ PINK_STEPS, PINK_STEP_S = 200, 1.0
 """Steps are so long that the velocity limits bound a step to 1.5 rad at least."""
 
 PINK_DAMPING = 1e-2
-"""Of the frame task (Levenberg-Marquardt). Of 0, 1e-3, 1e-2 and 1 it solves most and fastest."""
+"""Levenberg-Marquardt damping of the frame task: of 0, 1e-3, 1e-2 and 1 the one that solves most
+poses, and fastest."""
 
 PINK_LIMIT_GAIN = 1.0
 """Lets a step go all the way to a joint limit; the default of 0.5 only approaches it."""
@@ -237,9 +236,9 @@ def pink(arm: Arm) -> Contestant:
 
     return Contestant(
         name="pink",
-        version=metadata.version("pin-pink"),
+        version=version_of("pin-pink"),
         settings=f"`solve_ik` with daqp, at most {PINK_STEPS} steps of {PINK_STEP_S:g} s until the "
-        f"error is <= {short(PINK_ERROR)}; one `FrameTask`, costs 1 and 1, lm_damping "
+        f"error is <= {scientific(PINK_ERROR)}; one `FrameTask`, costs 1 and 1, lm_damping "
         f"{PINK_DAMPING:g}; position limits with gain {PINK_LIMIT_GAIN:g} and velocity limits; no "
         "restarts",
         prepare=lambda pose, q_seed: (pose, q_seed.copy()),
@@ -249,10 +248,10 @@ def pink(arm: Arm) -> Contestant:
 
 
 KDL_ITERATIONS = 100
-"""Its default."""
+"""The default of PyKDL."""
 
 KDL_EPSILON = 5e-7
-"""Greatest error along and about each axis, m and rad: the loosest that implies 1e-6 altogether."""
+"""Maximum error along and about each axis, m and rad: the loosest that guarantees 1e-6 in all."""
 
 
 def kdl(arm: Arm) -> Contestant:
@@ -279,9 +278,9 @@ def kdl(arm: Arm) -> Contestant:
     solver = PyKDL.ChainIkSolverPos_NR_JL(
         chain, *q_limits, positions, velocities, KDL_ITERATIONS, KDL_EPSILON
     )
-    kept = chain, positions, velocities  # the solver only refers to them
 
-    def solve(q_seed: Any, T_base_tip: Any, _: object = kept) -> Any | None:
+    def solve(q_seed: Any, T_base_tip: Any, _: object = (chain, positions, velocities)) -> Any:
+        """Solve; the default argument keeps objects alive that the solver does not own."""
         q = PyKDL.JntArray(q_seed.rows())
         return q if solver.CartToJnt(q_seed, T_base_tip, q) >= 0 else None
 
@@ -295,7 +294,7 @@ def kdl(arm: Arm) -> Contestant:
         name="KDL",
         version=f"PyKDL {getattr(PyKDL, '__version__', 'unknown')}",
         settings=f"`ChainIkSolverPos_NR_JL` on `ChainIkSolverVel_pinv`, {KDL_ITERATIONS} "
-        f"iterations, eps {short(KDL_EPSILON)} per axis; no restarts",
+        f"iterations, eps {scientific(KDL_EPSILON)} per axis; no restarts",
         prepare=lambda pose, q_seed: (joints(q_seed), frame(pose)),
         call=solve,
         read=lambda answer: None if answer is None else np.array(list(answer)),
@@ -306,8 +305,8 @@ def kdl(arm: Arm) -> Contestant:
 def placements_about_z(arm: Arm) -> list[pin.SE3]:
     """Eight fixed poses: before each of seven turns about z, and after the last, up to the tip.
 
-    A calibrated joint turns about another axis than z; the frames on both sides of it are turned so
-    that this axis is z of theirs.
+    A calibrated joint turns about another axis than z; the frames on both sides of it are rotated
+    so that this axis becomes their z axis.
     """
     model, data = arm.model, arm.model.createData()
     tip = model.frames[model.getFrameId(arm.tip_frame)].placement
@@ -322,9 +321,8 @@ def placements_about_z(arm: Arm) -> list[pin.SE3]:
 
 # Who takes part ----------------------------------------------------------------------------------
 
-SAME_CHAIN = 1e-12
-"""Entries of two tip poses (m, and of the rotation matrix) may differ by this much; rounding alone
-makes 1e-15."""
+MAX_FK_DIFFERENCE = 1e-12
+"""Allowed difference of two tip poses per matrix element; rounding alone makes 1e-15."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +342,7 @@ class Entrant:
     install: str = ""
 
     def missing(self) -> tuple[str, ...]:
-        """Modules it needs that are not installed; none is imported to find out."""
+        """Required modules that are not installed, found without importing any."""
         return tuple(name for name in self.needs if importlib.util.find_spec(name) is None)
 
 
@@ -356,8 +354,8 @@ class Absence:
     reason: str
 
 
-class OtherChainError(BaxterError):
-    """A solver's forward kinematics differs from the arm's."""
+class KinematicsMismatchError(BaxterError):
+    """The forward kinematics of a solver differs from the arm's."""
 
 
 _TOOLBOX = ("roboticstoolbox",), run_to_install("roboticstoolbox-python")
@@ -385,7 +383,7 @@ ENTRANTS = OURS + PEERS
 
 
 def enter(entrant: Entrant, arm: Arm) -> Contestant | Absence:
-    """Set the solver up for the arm and check that it solves the same chain."""
+    """Set a solver up for an arm and check that it has the same kinematics."""
     missing = entrant.missing()
     if missing:
         verb = "is" if len(missing) == 1 else "are"
@@ -412,8 +410,8 @@ def _check_chain(contestant: Contestant, arm: Arm) -> None:
     for _ in range(20):
         q = arm.random_configuration(rng)
         gap = float(np.abs(contestant.forward(q) - arm.T_base_tip(q).homogeneous).max())
-        if not gap <= SAME_CHAIN:
-            raise OtherChainError(
+        if not gap <= MAX_FK_DIFFERENCE:
+            raise KinematicsMismatchError(
                 f"its forward kinematics differs from Pinocchio's by {gap:.2g} at q = {q.tolist()};"
-                f" at most {SAME_CHAIN:g} is rounding"
+                f" at most {MAX_FK_DIFFERENCE:g} is rounding"
             )

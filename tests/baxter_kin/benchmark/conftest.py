@@ -34,7 +34,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> BenchmarkOutcome:
     return run_benchmark(
         BenchmarkOptions(
             limb="both",
-            given_scenarios=("near",),
+            scenario_names=("near",),
             solvers=("baxter-kin",),
             count=COUNT,
             seed=1,

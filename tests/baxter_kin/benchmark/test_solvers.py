@@ -18,8 +18,8 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.benchmark.poses import PoseSet
 from baxter_kin.benchmark.solvers import (
     ENTRANTS,
+    MAX_FK_DIFFERENCE,
     PEERS,
-    SAME_CHAIN,
     Absence,
     Contestant,
     Entrant,
@@ -27,7 +27,7 @@ from baxter_kin.benchmark.solvers import (
     enter,
     ours,
     placements_about_z,
-    short,
+    scientific,
 )
 from baxter_kin.validation import FloatArray
 from tests.conftest import at
@@ -59,7 +59,7 @@ def test_no_two_entrants_have_one_key() -> None:
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize("off", [2.0 * SAME_CHAIN, np.nan])
+@pytest.mark.parametrize("off", [2.0 * MAX_FK_DIFFERENCE, np.nan])
 def test_a_solver_of_another_chain_does_not_take_part(left: Arm, off: float) -> None:
     def other(arm: Arm) -> Contestant:
         return replace(ours(arm), forward=lambda q: arm.T_base_tip(q).homogeneous + off)
@@ -73,7 +73,7 @@ def test_a_solver_of_another_chain_does_not_take_part(left: Arm, off: float) -> 
     ("number", "text"), [(1e-5, "1e-5"), (4e-13, "4e-13"), (5e-7, "5e-7"), (1e-12, "1e-12")]
 )
 def test_tolerances_are_written_as_people_do(number: float, text: str) -> None:
-    assert short(number) == text
+    assert scientific(number) == text
 
 
 def test_an_exception_is_told_by_its_class_and_first_line() -> None:
