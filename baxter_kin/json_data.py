@@ -1,12 +1,12 @@
-"""Values as JSON and back, driven by the type hints of their classes; strict in both directions.
+"""Strict conversion of values to JSON data and back, by the type hints of their classes.
 
-A dataclass becomes an object with one entry per field it is made of, an array nested lists of
-numbers, a pose its rotation and translation, an enum its name; a field that may be one of several
-classes says which in "type". The hints name every class that can be made, and its own checks run
-when it is; a field that is lacking takes its default. Floats are written by `repr`, the shortest
-text that reads back as the same number (Steele and White 1990), so a value survives bit by bit.
+A value class becomes an object with one entry for each of its fields, an array nested lists of
+numbers, a pose its rotation and translation, and an enum member its name. A field that may have
+one of several classes names its class in "type". Reading creates only classes that the hints name,
+and runs their checks; a missing field takes its default. Floats are written by `repr`, the shortest
+text that reads back as the same number (Steele and White 1990), so values survive bit by bit.
 
-`cattrs` makes the code that converts, once for each hint. Errors are of the caller's class `error`.
+`cattrs` generates the conversion, once for each hint. The caller chooses the class of errors.
 """
 
 from __future__ import annotations
@@ -28,45 +28,52 @@ from numpy.typing import NDArray
 from baxter_kin.display import MAX_NAME, quoted, shortened
 from baxter_kin.errors import BaxterError
 from baxter_kin.json_text import Json, UnfitError
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, type_name
 
-MOST_AXES, LONGEST_EMPTY = 3, 1000
-"""Of an array, and of each axis of one without numbers."""
+MAX_DIMENSIONS = 3
+"""Arrays of more dimensions are refused."""
 
-LARGEST_NUMBER = 1e30
-"""No number in SI units is as large; products of several such are still finite."""
+MAX_EMPTY_AXIS = 1000
+"""Longest axis in the shape of an array without elements."""
+
+MAX_NUMBER = 1e30
+"""Larger numbers are refused; products of several allowed ones are still finite."""
 
 
 def to_json(value: Any, hint: Any, what: str, error: type[BaxterError]) -> Json:
-    """A value as plain JSON data; it was read back, so what is kept can be read.
+    """Convert a value to JSON data, and read these back, so that anything written can be read.
 
     Args:
-        value: what to write.
+        value: the value to write.
         hint: its declared type.
         what: its name in messages.
-        error: the class to raise.
+        error: the class of errors.
+
+    Raises:
+        BaxterError: of class `error`, when the value does not fit its hint or cannot be read back.
     """
-    kept = f"cannot be kept: {what}"
+    saved = f"cannot be saved: {what}"
     try:
-        data: Json = unchecked(value, hint)
+        data: Json = plain_data(value, hint)
     except (UnfitError, RecursionError) as cause:
-        raise error(_told(cause, kept)) from None
-    except (AttributeError, TypeError) as cause:  # of what has not the fields or items of its hint
-        raise error(f"{kept} is not what it should be: {cause}") from cause
-    from_json(data, hint, kept, error)
+        raise error(_message(cause, saved)) from None
+    except (AttributeError, TypeError) as cause:  # it lacks the fields or items of its hint
+        given = type(value).__name__
+        raise error(f"{saved} must be {type_name(hint)}, got {given}: {cause}") from cause
+    from_json(data, hint, saved, error)
     return data
 
 
 def from_json(data: Json, hint: Any, what: str, error: type[BaxterError]) -> Any:
-    """The value that JSON data stands for; arguments as of `to_json`."""
+    """Convert JSON data to a value; arguments and errors as of `to_json`."""
     try:
         return _CONVERTER.structure(data, hint)
     except (BaseValidationError, UnfitError, RecursionError) as cause:
-        raise error(_told(cause, what)) from None
+        raise error(_message(cause, what)) from None
 
 
-def unchecked(value: Any, hint: Any) -> Any:
-    """A value as plain data, quickly: to compare, not to keep."""
+def plain_data(value: Any, hint: Any) -> Any:
+    """Convert a value to plain data without checks, to compare values quickly."""
     return _CONVERTER.unstructure(value, hint)
 
 
@@ -75,13 +82,13 @@ def shown(value: object) -> str:
     return quoted(value, MAX_NAME)
 
 
-def _told(cause: Exception, what: str) -> str:
-    """The first of what `cattrs` found, as a sentence that begins with where it is."""
-    said, _, where = transform_error(cause, what, _said)[0].partition(f" @ {what}")
-    return f"{shortened(what + where)}{'' if said.startswith(':') else ' '}{said}"
+def _message(cause: Exception, what: str) -> str:
+    """The first problem that `cattrs` found, as a sentence that begins with its place."""
+    problem, _, where = transform_error(cause, what, _problem)[0].partition(f" @ {what}")
+    return f"{shortened(what + where)}{'' if problem.startswith(':') else ' '}{problem}"
 
 
-def _said(cause: BaseException, _: object = None) -> str:
+def _problem(cause: BaseException, _: object = None) -> str:
     if isinstance(cause, KeyError):
         return "is missing"
     if isinstance(cause, RecursionError):
@@ -93,11 +100,11 @@ def _said(cause: BaseException, _: object = None) -> str:
         return f"has an entry {shown(min(cause.extra_fields))}; a {kind} has: {names}"
     if isinstance(cause, BaxterError):
         return f"{'' if isinstance(cause, UnfitError) else ': '}{cause}"
-    raise cause  # a fault in the check of a class
+    raise cause  # a fault in the checks of a class
 
 
 def _refuse(_: Any, hint: Any) -> Any:
-    raise UnfitError(f"is of a type that has no place in a file: {hint}")
+    raise UnfitError(f"has a type that cannot be stored: {hint}")
 
 
 def _expected(data: Any, kind: type) -> Any:
@@ -107,41 +114,41 @@ def _expected(data: Any, kind: type) -> Any:
 
 
 @cache
-def _made(make: Callable[[Any, Converter], Any], hint: Any) -> Any:
-    """What `cattrs` makes for a hint."""
+def _hook(make: Callable[[Any, Converter], Any], hint: Any) -> Any:
+    """A conversion that `cattrs` generates for a hint."""
     return make(hint, _CONVERTER)
 
 
 def _read_record(data: Any, kind: Any) -> Any:
-    return _made(gen.make_dict_structure_fn, kind)(_expected(data, dict), kind)
+    return _hook(gen.make_dict_structure_fn, kind)(_expected(data, dict), kind)
 
 
 def _write_record(value: Any, kind: Any) -> Any:
-    return _made(gen.make_dict_unstructure_fn, kind)(value)
+    return _hook(gen.make_dict_unstructure_fn, kind)(value)
 
 
 def _read_mapping(data: Any, hint: Any) -> Any:
-    return _made(gen.make_mapping_structure_fn, hint)(_expected(data, dict), hint)
+    return _hook(gen.make_mapping_structure_fn, hint)(_expected(data, dict), hint)
 
 
 def _write_mapping(value: Any, hint: Any) -> Any:
     key, kind = get_args(hint)
-    return {unchecked(name, key): unchecked(item, kind) for name, item in value.items()}
+    return {plain_data(name, key): plain_data(item, kind) for name, item in value.items()}
 
 
 def _read_tuple(data: Any, hint: Any) -> Any:
     *kinds, last = get_args(hint)
     if last is ...:
-        return _made(homogenous_tuple_structure_factory, hint)(_expected(data, list), hint)
+        return _hook(homogenous_tuple_structure_factory, hint)(_expected(data, list), hint)
     if len(_expected(data, list)) != len(kinds) + 1:
         raise UnfitError(f"must have {len(kinds) + 1} items, got {len(data)}")
-    return _made(gen.make_hetero_tuple_structure_fn, hint)(data, hint)
+    return _hook(gen.make_hetero_tuple_structure_fn, hint)(data, hint)
 
 
 def _write_tuple(value: Any, hint: Any) -> Any:
     kinds = get_args(hint)
     hints = kinds[:1] * len(value) if kinds[-1] is ... else kinds
-    return [*map(unchecked, value, hints), *value[len(hints) :]]  # too many are refused by reading
+    return [*map(plain_data, value, hints), *value[len(hints) :]]  # reading refuses surplus items
 
 
 def _read_union(data: Any, hint: Any) -> Any:
@@ -160,17 +167,18 @@ def _read_union(data: Any, hint: Any) -> Any:
 def _write_union(value: Any, hint: Any) -> Any:
     kind, kinds = type(value), {*get_args(hint)} - {NoneType}
     if len(kinds) == 1 and value is not None:
-        return unchecked(value, *kinds)
-    return {"type": kind.__name__, **unchecked(value, kind)} if kind in kinds else value
+        return plain_data(value, *kinds)
+    return {"type": kind.__name__, **plain_data(value, kind)} if kind in kinds else value
 
 
 def _read_array(data: Any, _: Any) -> Any:
     if isinstance(data, dict) and data.keys() == {"shape"}:
         shape = _CONVERTER.structure(data["shape"], tuple[int, ...])
-        if len(shape) <= MOST_AXES and min(shape, default=1) == 0 and max(shape) <= LONGEST_EMPTY:
+        is_empty = min(shape, default=1) == 0 and max(shape) <= MAX_EMPTY_AXIS
+        if is_empty and len(shape) <= MAX_DIMENSIONS:
             return np.zeros(shape)
     rows = np.array(data, dtype=object)
-    if rows.ndim > MOST_AXES or any(isinstance(item, (list, dict)) for item in rows.flat):
+    if rows.ndim > MAX_DIMENSIONS or any(isinstance(item, (list, dict)) for item in rows.flat):
         raise UnfitError(f"must be lists of numbers, in rows of one length, got {shown(data)}")
     return np.array([_read_scalar(item, float) for item in rows.flat]).reshape(rows.shape)
 
@@ -201,13 +209,13 @@ def _read_scalar(data: Any, kind: Any) -> Any:
         raise UnfitError(f"is {shown(data)}; use one of: {', '.join(kind.__members__)}")
     if type(data) is not kind and (type(data), kind) != (int, float):
         raise UnfitError(f"must be of type {kind.__name__}, got {shown(data)}")
-    if kind is float and not abs(data) <= LARGEST_NUMBER:
-        raise UnfitError(f"must be a finite number up to {LARGEST_NUMBER:g}, got {shown(data)}")
+    if kind is float and not abs(data) <= MAX_NUMBER:
+        raise UnfitError(f"must be a finite number up to {MAX_NUMBER:g}, got {shown(data)}")
     return kind(data)
 
 
 class _Name(str):
-    """The name of an enum's member, which reading refuses where text must be."""
+    """The name of an enum member; a text field that holds one is refused."""
 
 
 def _write_scalar(value: Any) -> Any:
@@ -215,7 +223,7 @@ def _write_scalar(value: Any) -> Any:
 
 
 def _write_number(value: Any) -> Any:
-    is_number = type(value) in (int, np.float64) and abs(value) <= LARGEST_NUMBER
+    is_number = type(value) in (int, np.float64) and abs(value) <= MAX_NUMBER
     return float(value) if is_number else value
 
 
@@ -225,7 +233,7 @@ def _is(*origins: Any) -> Callable[[Any], bool]:
 
 _CONVERTER = Converter(forbid_extra_keys=True)
 _RULES: tuple[tuple[Any, Any, Any], ...] = (
-    (lambda _: True, _refuse, _refuse),  # what none of those below fits
+    (lambda _: True, _refuse, _refuse),  # the fallback
     (lambda hint: is_dataclass(hint) or attrs.has(hint), _read_record, _write_record),
     (_is(Mapping), _read_mapping, _write_mapping),
     (_is(tuple), _read_tuple, _write_tuple),

@@ -22,7 +22,7 @@ def as_text(data: Json, error: type[BaxterError]) -> str:
     try:
         return json.dumps(data, allow_nan=False, separators=(",", ":"))
     except ValueError as cause:
-        raise error(f"cannot be kept: {cause}") from cause
+        raise error(f"cannot be saved: {cause}") from cause
 
 
 def as_lines(data: Json, indent: str = "\n") -> str:

@@ -11,7 +11,7 @@ what real Baxters did in public recordings: 99.9th percentile of the magnitude, 
 
 The first two come from 16 files of 902 s at 99.6 Hz (EduardoRosLab/Baxter_Dynamic_Model on GitHub),
 the third from 59 files of 2493 s. Encoder steps of 0.38 mrad make the jerks uncertain. In position
-mode speed is the limit in practice: a Baxter lags by about 0.4 s times its velocity.
+mode speed is the limit in practice: the joints lag their set-points by about 0.4 s.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ class _Preset(NamedTuple):
     jerk: str
 
 
-_REACHED = "of the 99.9 percentile of real Baxters under torque control"
+_REACHED = "measured on real Baxters under torque control"
 
 _PRESETS: Mapping[str, _Preset] = {
     "safe": _Preset(
         a_max=(DEFAULT_ACCELERATION_RAD_S2,) * 7,
         j_max=(DEFAULT_JERK_RAD_S3,) * 7,
-        acceleration="preset safe: MoveIt's Baxter configuration, 2 rad/s^2 for every joint; a "
-        f"seventh (w1) to three quarters (e0), mostly a third, {_REACHED}",
+        acceleration="preset safe: MoveIt's Baxter configuration, 2 rad/s^2 for every joint, which "
+        f"is 14 % (w1) to 77 % (e0) of the 99.9th percentile {_REACHED}",
         jerk="preset safe: this toolkit's choice, 20 rad/s^3 for every joint; nobody published "
         "one; full acceleration in 0.1 s",
     ),
@@ -64,10 +64,10 @@ _PRESETS: Mapping[str, _Preset] = {
         a_max=(4.0, 4.0, 2.0, 4.0, 6.0, 8.0, 6.0),
         j_max=(40.0,) * 7,
         acceleration="preset torque-control: 4 4 2 4 6 8 6 rad/s^2; real Baxters under torque "
-        "control reached 6.3 7.2 2.6 8.1 7.3 14 9.9 (99.9 percentile of 902 s at 99.6 Hz, window "
+        "control reached 6.3 7.2 2.6 8.1 7.3 14 9.9 (99.9th percentile of 902 s at 99.6 Hz, window "
         "of 0.51 s, EduardoRosLab/Baxter_Dynamic_Model)",
         jerk="preset torque-control: 40 rad/s^3 for every joint; there they reached 40 44 17 46 41 "
-        "83 66, by encoders that make jerk uncertain",
+        "83 66, with jerks uncertain by the encoders",
     ),
 }
 
@@ -119,7 +119,7 @@ def _to_names(names: Sequence[str]) -> tuple[str, ...]:
     if not names or not all(isinstance(name, str) and name for name in names):
         raise LimitsError(f"names must be one or more joint names, got {quoted(names)}")
     if len(set(names)) < len(names):
-        raise LimitsError(f"every joint name may come once, got {quoted(names)}")
+        raise LimitsError(f"joint names must be unique, got {quoted(names)}")
     return tuple(names)
 
 
@@ -187,24 +187,8 @@ class JointLimits:
             ConfigurationError: when the shape is wrong, a number is not finite, or the tolerance is
                 negative or not finite.
         """
-        array = finite_array(q, (len(self.names),), "q", ConfigurationError)
-        return self._violations(array, _checked_tolerance(tolerance))
-
-    def _facts(self) -> tuple[str, ...]:
-        ends = " .. ".join(dict.fromkeys((self.names[0], self.names[-1])))
-        joints = f"{count(len(self.names), 'joint')} {phrase(ends)}"
-        v, a, j = (f"{bound.max():g}" for bound in (self.v_max, self.a_max, self.j_max))
-        return joints, f"up to {v} rad/s, {a} rad/s^2, {j} rad/s^3"
-
-    def _violations(self, q: FloatArray, tolerance: float) -> tuple[str, ...]:
-        outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)
-        if not outside.any():
-            return ()
-        return tuple(
-            f"{self.names[i]} = {q[i]:.6g} rad is outside {self.q_min[i]:.6g} .. "
-            f"{self.q_max[i]:.6g}"
-            for i in np.flatnonzero(outside)
-        )
+        q_given = finite_array(q, (len(self.names),), "q", ConfigurationError)
+        return self._violations(q_given, _checked_tolerance(tolerance))
 
     def check(self, q: ArrayLike, what: str = "q", tolerance: float = 0.0) -> FloatArray:
         """`q`, shape (n,), as a read-only array within the limits.
@@ -221,15 +205,30 @@ class JointLimits:
             inside.setflags(write=False)
             return inside
         what = shortened(str(what))
-        array = finite_array(q, (len(self.names),), what, ConfigurationError)
-        violations = self._violations(array, tolerance)
+        q_given = finite_array(q, (len(self.names),), what, ConfigurationError)
+        violations = self._violations(q_given, tolerance)
         if violations:
-            raise ConfigurationError(
-                f"{what} is outside the joint limits: {'; '.join(violations)}{degrees_hint(*array)}"
-            )
-        clamped = np.clip(array, self.q_min, self.q_max)
+            listed, hint = "; ".join(violations), degrees_hint(*q_given)
+            raise ConfigurationError(f"{what} is outside the joint limits: {listed}{hint}")
+        clamped = np.clip(q_given, self.q_min, self.q_max)
         clamped.setflags(write=False)
         return clamped
+
+    def _facts(self) -> tuple[str, ...]:
+        ends = " .. ".join(dict.fromkeys((self.names[0], self.names[-1])))
+        joints = f"{count(len(self.names), 'joint')} {phrase(ends)}"
+        v, a, j = (f"{bound.max():g}" for bound in (self.v_max, self.a_max, self.j_max))
+        return joints, f"up to {v} rad/s, {a} rad/s^2, {j} rad/s^3"
+
+    def _violations(self, q: FloatArray, tolerance: float) -> tuple[str, ...]:
+        outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)
+        if not outside.any():
+            return ()
+        return tuple(
+            f"{self.names[i]} = {q[i]:.6g} rad is outside {self.q_min[i]:.6g} .. "
+            f"{self.q_max[i]:.6g}"
+            for i in np.flatnonzero(outside)
+        )
 
     def _is_inside(self, q: ArrayLike) -> TypeGuard[FloatArray]:
         """Whether it is a float64 array within the limits, the fast path of `check`."""

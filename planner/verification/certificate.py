@@ -11,7 +11,7 @@ from typing import Any
 
 from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.json_data import unchecked
+from baxter_kin.json_data import plain_data
 from baxter_kin.validation import Checked, check_fields, expect
 from planner.errors import TaskError
 from planner.plan import Plan
@@ -276,7 +276,7 @@ class Certificate(Checked, OneLine, error=TaskError):
 
 def _world(state: State, limb: str) -> Any:
     """All that counts of a state: no colours, and no joints of the arm of that limb."""
-    data = unchecked(state, State)
+    data = plain_data(state, State)
     bodies = list(data["scene"]["bodies"].values())
     for part in (part for body in bodies for part in body["parts"]):
         del part["rgba"]

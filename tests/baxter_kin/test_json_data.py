@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from baxter_kin.errors import PoseError
-from baxter_kin.json_data import from_json, to_json, unchecked
+from baxter_kin.json_data import from_json, plain_data, to_json
 from baxter_kin.json_text import as_text, from_text
 from baxter_kin.validation import FloatArray
 from tests.baxter_kin.test_json_text import FINITE, JSON, FileProblemError
@@ -105,7 +105,7 @@ def refusal(data: Any, hint: Any = Thing) -> str:
 
 def test_every_type_that_has_a_place_comes_back_bit_by_bit() -> None:
     again = kept(FULL, Thing)
-    assert to_json(again, Thing, "it", FileProblemError) == unchecked(FULL, Thing)
+    assert to_json(again, Thing, "it", FileProblemError) == plain_data(FULL, Thing)
     assert again.shape == Ball(2.0)
     assert again.parts[0].parts[0].shape == Cube()
     assert again.moods == (Mood.CALM,)
@@ -222,19 +222,19 @@ def test_nesting_without_end_is_refused() -> None:
         (Thing("a", corner=(1.0, 2.0, 3.0)), "it.corner must have 2 items"),  # type: ignore[arg-type]
         (Thing("a", corner=(10**400, 1.0)), "it.corner[0] must be a finite number"),
         (Thing("a", shape=Thing("b")), "it.shape must be an object"),  # type: ignore[arg-type]
-        (Ball(1.0), "it is not what it should be: 'Ball' object has no attribute 'name'"),
+        (Ball(1.0), "it must be Thing, got Ball: 'Ball' object has no attribute 'name'"),
     ],
 )
 def test_what_cannot_be_read_again_is_not_kept(value: Any, reason: str) -> None:
     with pytest.raises(FileProblemError) as caught:
         to_json(value, Thing, "it", FileProblemError)
-    assert str(caught.value).startswith(f"cannot be kept: {reason}")
+    assert str(caught.value).startswith(f"cannot be saved: {reason}")
 
 
 def test_a_type_without_a_place_in_files_is_named() -> None:
-    with pytest.raises(FileProblemError, match="thing is of a type that has no place"):
+    with pytest.raises(FileProblemError, match="thing has a type that cannot be stored"):
         to_json({1}, set[int], "thing", FileProblemError)
-    with pytest.raises(FileProblemError, match="thing is of a type that has no place"):
+    with pytest.raises(FileProblemError, match="thing has a type that cannot be stored"):
         from_json([1], Any, "thing", FileProblemError)
 
 

@@ -23,7 +23,7 @@ class FileProblemError(BaxterError):
 
 
 def test_numbers_that_are_not_finite_are_no_text() -> None:
-    with pytest.raises(FileProblemError, match="cannot be kept"):
+    with pytest.raises(FileProblemError, match="cannot be saved"):
         as_text([1.0, float("nan")], FileProblemError)
 
 

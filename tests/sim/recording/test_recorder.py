@@ -216,5 +216,5 @@ def test_an_event_kept_without_a_side_is_read() -> None:
 
 @pytest.mark.parametrize("time_s", [float("nan"), float("inf"), "1", None, True])
 def test_what_has_no_place_in_a_file_is_refused(time_s: Any) -> None:
-    with pytest.raises(RecordingError, match=r"cannot be kept: event\.time_s"):
+    with pytest.raises(RecordingError, match=r"cannot be saved: event\.time_s"):
         to_json(StoredEvent(time_s, EventKind.ENABLED, ""), StoredEvent, "event", RecordingError)
