@@ -1,4 +1,4 @@
-"""Values as text: one line for each object, and what a message repeats of its input.
+"""Text for readers: one line for each object, and quotations of input in messages.
 
 A class that inherits from `OneLine` is shown as its name and a few facts in parentheses, as in
 `World(2 bodies: table, block)`; value classes made by `baxter_kin.fields` show their fields. The
@@ -59,18 +59,18 @@ class OneLine:
 
 
 def quoted(value: object, longest: int = MAX_QUOTE) -> str:
-    """What a message repeats of a value that came: its `repr` on one line, cut to a length.
+    """The `repr` of a value on one line, shortened, for messages.
 
-    The work is bounded too, however large the value is.
+    The work is bounded, however large the value is.
     """
     return shortened(" ".join(_QUOTE.repr(value).split()), longest)
 
 
 def shortened(text: str, longest: int = MAX_QUOTE) -> str:
-    """A text of at most so many characters, its middle left out where it was longer.
+    """Shorten a text to a number of characters by leaving out its middle.
 
-    It is cut between words, unless there is no blank in the last third of what is kept.
-    What no output can show, as half a surrogate pair in a file's name, is written as an escape.
+    It is cut between words, unless there is no blank near the cut. Characters that cannot be
+    encoded, such as an unpaired surrogate in a file name, are written as escapes.
     """
     if len(text) > longest:
         kept = longest - len("...")
@@ -82,14 +82,14 @@ def shortened(text: str, longest: int = MAX_QUOTE) -> str:
 
 
 def shown_path(path: object) -> str:
-    """A file's name as messages repeat it."""
+    """A file name, shortened for messages."""
     return shortened(str(path))
 
 
 def line(name: str, facts: Iterable[str]) -> str:
-    """A name, and in parentheses the facts that are not empty; of bounded length, on one line.
+    """A name with the non-empty facts in parentheses, on one line of at most `MAX_LINE`.
 
-    Where it would be too long, the longest fact is shortened.
+    If the line would be too long, the longest fact is shortened.
     """
     shown = [" ".join(fact.split()) for fact in facts if fact]
     excess = len(_joined(name, shown)) - MAX_LINE
@@ -104,7 +104,7 @@ def _joined(name: str, facts: Iterable[str]) -> str:
 
 
 def phrase(text: object) -> str:
-    """A sentence or a name, as part of a line."""
+    """A text shortened to be one fact of a line."""
     return shortened(str(text), MAX_PART)
 
 
@@ -114,36 +114,36 @@ def sentence(text: object) -> str:
 
 
 def count(number: int, noun: str) -> str:
-    """How many there are: "1 move", "2 moves", "2 bodies"."""
+    """A number with its noun: "1 move", "2 moves", "2 bodies"."""
     plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
     return f"{number} {noun if number == 1 else plural}"
 
 
 def listing(items: Collection[str], noun: str) -> str:
-    """How many named things there are, and which: "2 bodies: table, block"."""
+    """Number and names of things: "2 bodies: table, block"."""
     listed = f": {phrase(', '.join(items))}" if items else ""
     return f"{count(len(items), noun)}{listed}"
 
 
 def position(T: pin.SE3) -> str:
-    """Where a pose is: "(0.7, 0.15, -0.129) m"."""
+    """The position of a pose: "(0.7, 0.15, -0.129) m"."""
     return f"{numbers(T.translation.round(3))} m"
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Some numbers, rounded: "(0.7, 0.15, -0.129)"."""
+    """Rounded numbers: "(0.7, 0.15, -0.129)"."""
     return f"({', '.join(f'{value + 0.0:.4g}' for value in values)})"
 
 
 def millimetres(length_m: float) -> str:
-    """A length in the unit in which clearances and strokes are read: "18.8 mm"."""
+    """A length in millimetres, or in metres if it is long: "18.8 mm"."""
     if abs(length_m) >= MIN_M_WHOLE:
         return f"{length_m:.4g} m"
     return f"{round(1e3 * length_m, 1) + 0.0:.1f} mm"
 
 
 def clear(proven_m: float) -> str:
-    """A clearance that is proven, rounded down: "18.7 mm clear"."""
+    """A proven clearance, rounded down: "18.7 mm clear"."""
     step_m = 1e-4 if abs(proven_m) < MIN_M_WHOLE else 1.0
     floor_m = math.floor(proven_m / step_m) * step_m if math.isfinite(proven_m) else proven_m
     return f"{millimetres(floor_m)} clear"
@@ -155,13 +155,13 @@ def seconds(time_s: float) -> str:
 
 
 def side_of(joint_names: Sequence[str]) -> str:
-    """Whose joints these are: "left", or how many where that is not told by their names."""
+    """The side of joints, such as "left", or their number if their names have no common side."""
     sides = {name.split("_")[0] for name in joint_names}
     return sides.pop() if len(sides) == 1 else count(len(joint_names), "joint")
 
 
 class _Quote(Repr):
-    """Writes values of any size shortly."""
+    """A short `repr` of values of any size."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class _Quote(Repr):
         self.maxstring = self.maxother = self.maxlong = MAX_QUOTE
 
     def repr_int(self, x: int, level: int) -> str:
-        """The number, or how large it is."""
+        """The number, or its size in bits."""
         bits = x.bit_length()
         is_short = bits <= MAX_INTEGER_BITS
         return super().repr_int(x, level) if is_short else f"an integer of {bits} bits"

@@ -1,4 +1,4 @@
-"""Suggestions that refusals add: another unit, or the name that was probably meant."""
+"""Suggestions at the end of error messages: another unit, or a similar name."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ MIN_MILLIMETRES, MAX_MILLIMETRES = 10.0, 1e4
 MAX_DEGREES = 360.0
 
 MIN_SIMILARITY = 0.6
-"""Ratio of difflib from which on two names are taken for the same, misspelt."""
+"""Similarity by difflib from which on a name counts as a misspelling of another."""
 
 
 def millimetres_hint(*lengths_m: float, least: float = MIN_MILLIMETRES) -> str:
-    """What a refusal adds where the longest of some lengths seems to be in millimetres, else "".
+    """The question whether lengths are in millimetres, if the longest looks so, else "".
 
     Args:
-        lengths_m: lengths or coordinates, of any sign, as they came.
-        least: from where on no such length makes sense in metres.
+        lengths_m: lengths or coordinates of any sign, as given.
+        least: the smallest value that makes no sense in metres.
     """
     longest = max(map(float, lengths_m), key=abs)
     if not least <= abs(longest) <= MAX_MILLIMETRES:
@@ -33,11 +33,11 @@ def millimetres_hint(*lengths_m: float, least: float = MIN_MILLIMETRES) -> str:
 
 
 def degrees_hint(*angles_rad: float, least: float = 2.0 * math.pi) -> str:
-    """What a refusal adds where the largest of some angles seems to be in degrees, else "".
+    """The question whether angles are in degrees, if the largest looks so, else "".
 
     Args:
-        angles_rad: angles of any sign, as they came.
-        least: up to where such an angle makes sense in radians.
+        angles_rad: angles of any sign, as given.
+        least: the largest value that makes sense in radians.
     """
     largest = max(map(float, angles_rad), key=abs)
     if not least < abs(largest) <= MAX_DEGREES:
@@ -49,18 +49,18 @@ def degrees_hint(*angles_rad: float, least: float = 2.0 * math.pi) -> str:
 
 
 def name_hint(name: object, known: Iterable[str]) -> str:
-    """What a refusal adds where a name that does not exist is nearly one that does, else ""."""
+    """The question whether a similar known name was meant, else ""."""
     near = nearest_name(name, known)
     return f"; did you mean {near}?" if near else ""
 
 
 def nearest_name(name: object, known: Iterable[str], alike: float = MIN_SIMILARITY) -> str:
-    """The name that may have been meant by one that does not exist; "" where none is near.
+    """The known name that is most similar to a given one; "" if none or several are.
 
     Args:
-        name: what came; whether its letters are large or small counts for nothing.
-        known: the names that exist. Where several are equally near, none is guessed.
-        alike: how alike they must be, by difflib's ratio, 0..1.
+        name: the given name; upper and lower case are not distinguished.
+        known: the existing names.
+        alike: minimum similarity by difflib, 0..1.
     """
     if not isinstance(name, str) or len(name) > MAX_NAME:
         return ""

@@ -8,13 +8,14 @@ from sys import modules
 
 
 def lazy(package: str, module_of: Mapping[str, str]) -> tuple[list[str], Callable[[str], object]]:
-    """What a package has as its `__all__` and its `__getattr__`.
+    """The `__all__` and `__getattr__` of a package that loads names on first use.
 
-    Where a module does not load because Pinocchio does not, the error says what the system lacks.
+    If a module fails to import because Pinocchio cannot be loaded, the error names the missing
+    system library.
 
     Args:
-        package: its name.
-        module_of: for each public name, the module that it is loaded from.
+        package: name of the package.
+        module_of: the module of each public name.
     """
 
     def load(name: str) -> object:
@@ -23,7 +24,7 @@ def lazy(package: str, module_of: Mapping[str, str]) -> tuple[list[str], Callabl
         try:
             found = getattr(import_module(module_of[name]), name)
         except ImportError:
-            import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - explains it
+            import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - raises with the reason
 
             raise
         setattr(modules[package], name, found)

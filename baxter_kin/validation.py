@@ -1,20 +1,7 @@
-"""Input checks: how numbers and arrays enter, and that fields are of the classes they name.
+"""Checks of arguments at public functions: numbers, arrays, classes and sequences.
 
-Arrays are checked once, copied, and read-only. `check_fields`, which `Checked` calls, reads the
-annotations of a dataclass once for each class, and then compares values with them:
-
-```
-float                a number, not NaN; no truth value
-int                  a whole number; no truth value
-str                  text that can be written, so without half a surrogate pair
-bool, a class        of that class
-tuple[A, ...]        a tuple of such
-Mapping[A, B]        a mapping of such
-A | B, A | None      one of them
-```
-
-What else a class demands of its values it checks itself: signs, that they are finite, and all of
-its arrays.
+Arrays are checked once, copied, and made read-only. `type_test` turns annotations into predicates,
+which `baxter_kin.fields` uses to check the fields of value classes.
 """
 
 from __future__ import annotations
@@ -51,7 +38,7 @@ MAX_ITEMS = 1_000_000
 """Longest sequence; one that never ends is refused after some megabytes."""
 
 MAX_RANGE = 10**8
-"""What an array made of a range may have; of other values they are in memory already."""
+"""Longest range that becomes an array."""
 
 
 def finite_array(
@@ -72,7 +59,7 @@ def finite_array(
 
 
 def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> FloatArray:
-    """The same of shape (n, `width`), for any n."""
+    """A read-only float copy of finite `values`, shape (n, `width`) for any n."""
     array = float_array(values, what, error)
     if array.ndim != 2 or array.shape[1] != width:
         raise error(f"{what} has shape {array.shape}; it must have shape (n, {width})")
@@ -80,7 +67,7 @@ def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterErro
 
 
 def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
-    """One finite number."""
+    """A finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise error(f"{what} must be a number, got {quoted(value)}")
     try:
@@ -93,7 +80,7 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
 
 
 def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float:
-    """One finite number above zero."""
+    """A finite number above zero."""
     number = finite_scalar(value, what, error)
     if number <= 0.0:
         raise error(f"{what} must be above zero, got {number}")
@@ -103,7 +90,7 @@ def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float
 def whole_scalar(
     value: object, what: str, error: type[BaxterError], *, least: int, most: int
 ) -> int:
-    """One whole number between two others, both allowed."""
+    """An integer from `least` to `most`."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
         number = int(value)
         if least <= number <= most:
@@ -114,7 +101,7 @@ def whole_scalar(
 def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> FloatArray:
     """A float copy of `values`, of any shape, finite or not.
 
-    Real numbers alone: text, truth values, complex numbers, times and masked entries are refused.
+    Text, booleans, complex numbers, times and masked entries are refused.
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise error(f"{what} has masked entries; give every number, or NaN where that is allowed")
@@ -130,7 +117,7 @@ def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Float
 
 
 def read_only(array: FloatArray, what: str, error: type[BaxterError]) -> FloatArray:
-    """The same array, made read-only; refused where it is not finite."""
+    """Make a finite array read-only; refuse others."""
     if not np.isfinite(array).all():
         raise error(f"{what} must be finite numbers, got {quoted(array.tolist())}")
     array.setflags(write=False)
@@ -138,14 +125,14 @@ def read_only(array: FloatArray, what: str, error: type[BaxterError]) -> FloatAr
 
 
 def _holds_numbers(given: NDArray[Any]) -> bool:
-    """Whether an array of objects holds numbers that NumPy has no type for, as large integers."""
+    """Whether an array of objects holds numbers without a NumPy type, such as large integers."""
     kinds = (int, float, np.integer, np.floating)
     is_number = (isinstance(x, kinds) and not isinstance(x, bool) for x in given.flat)
     return given.dtype.kind == "O" and all(is_number)
 
 
 MAX_INTEGER_BITS = 1024
-"""Size of an integer that a float can hold."""
+"""Size of the largest integer that converts to a float."""
 
 Test: TypeAlias = Callable[[object], bool]
 
@@ -155,14 +142,14 @@ E = TypeVar("E", bound=Enum)
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
-    """`value`, known to be of that class."""
+    """`value`, checked to be of a class."""
     if not isinstance(value, kind):
         raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
     return value
 
 
 def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
-    """All `values`, known to be of that class."""
+    """A tuple of `values`, each checked to be of a class."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise error(f"{what} must be a sequence, got {type(values).__name__}")
     first = islice(values, MAX_ITEMS + 1)
@@ -173,12 +160,12 @@ def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError
 
 
 def member_of(choices: type[E], kind: str, name: object) -> E:
-    """The member of an enumeration of names that has that name.
+    """The member of an enumeration with a given value.
 
     Args:
         choices: the enumeration.
-        kind: what it lists, such as "frame".
-        name: its value, or the member itself.
+        kind: the kind of its members, for messages, such as "frame".
+        name: the value, or the member itself.
     """
     try:
         return choices(name)
@@ -230,13 +217,13 @@ def _tests_of(kind: Any) -> tuple[tuple[str, str, Test], ...]:
 
 
 def _origin_of(hint: Any) -> Any:
-    """The class of an annotation with arguments; NumPy 2.5 has `NDArray` as an alias of its own."""
+    """The class of a generic annotation; since NumPy 2.5 `NDArray` is an origin of its own."""
     origin = get_origin(hint)
     return np.ndarray if origin is NDArray else origin
 
 
 def type_test(hint: Any) -> Test:
-    """A test of whether a value is of the type that an annotation names."""
+    """A predicate for values of the type that an annotation names."""
     origin, arguments = _origin_of(hint), get_args(hint)
     if hint is Any:
         return lambda _: True
@@ -250,7 +237,7 @@ def type_test(hint: Any) -> Test:
 
 
 def type_name(hint: Any) -> str:
-    """An annotation without the modules of its classes."""
+    """The name of an annotation, without modules."""
     if isinstance(hint, type) and not get_args(hint):
         return "None" if hint is type(None) else hint.__name__
     if get_origin(hint) in (Union, types.UnionType):
@@ -267,7 +254,7 @@ def _is_number(value: object) -> bool:
 
 
 def is_nan(value: object) -> bool:
-    """Whether it is a float that is not a number."""
+    """Whether it is a float NaN."""
     return isinstance(value, (float, np.floating)) and bool(np.isnan(value))
 
 
@@ -280,7 +267,7 @@ def _is_truth(value: object) -> bool:
 
 
 def is_text(value: object) -> TypeGuard[str]:
-    """Whether it is text that can be written."""
+    """Whether it is text that UTF-8 can encode."""
     if not isinstance(value, str):
         return False
     try:

@@ -1,1 +1,1 @@
-"""The distribution that this is part of: its version, and packages that only some of it needs."""
+"""The distribution: its version, and its optional packages."""

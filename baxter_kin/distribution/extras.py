@@ -1,8 +1,8 @@
-"""Packages that only some features need, and the command that installs them.
+"""Optional packages, and the command that installs them.
 
 The command names the packages themselves, never this distribution: `pip install '.[plot]'` would
-replace an editable checkout by a copy, and an installed wheel has no checkout to name. It names
-the Python that runs, so that the packages go to its environment.
+replace an editable checkout by a copy, and an installed wheel has no checkout. It names the running
+Python, so that packages go to its environment.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "ros1": ("rosbags",),
     }
 )
-"""The packages of an extra of `pyproject.toml`, by its name."""
+"""Packages of the extras of `pyproject.toml`, by name of the extra."""
 
 
 def run_to_install(*packages: str) -> str:
-    """The command that installs packages, as the end of a message that says they are missing.
+    """The command that installs packages, to end a message that reports them missing.
 
     Args:
         packages: their names in a package index, with options of `pip install` before them.
@@ -43,7 +43,7 @@ def run_to_install_extra(extra: str) -> str:
 
 
 def _python() -> str:
-    """This Python as a command, from the current folder if it lies inside of that."""
+    """The running Python as a command, relative to the current folder if it lies inside."""
     if not sys.executable:
         return "python"
     near = os.path.relpath(sys.executable)

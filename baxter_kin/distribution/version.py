@@ -1,4 +1,4 @@
-"""The version of what runs: the checkout's, or that of what pip installed."""
+"""The version of this distribution, from the checkout or from the installed package."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 NAME = "baxter-kin"
 
 UNKNOWN = "unknown"
-"""Where these folders were copied without their distribution."""
+"""The version where these folders were copied without their distribution."""
 
 _PROJECT = re.compile(r'^name = "([^"]+)"\nversion = "([^"]+)"$', re.MULTILINE)
 _CHECKOUT = Path(__file__).resolve().parents[2]
@@ -19,11 +19,11 @@ _CHECKOUT = Path(__file__).resolve().parents[2]
 def version(checkout: Path = _CHECKOUT) -> str:
     """The version of this distribution.
 
-    A checkout that is installed editably may have moved on since pip has looked at it, so its
-    `pyproject.toml` comes first.
+    The `pyproject.toml` of a checkout takes precedence, because an editable checkout may be newer
+    than its installed metadata.
 
     Args:
-        checkout: where the packages lie.
+        checkout: the folder of the packages.
     """
     try:
         project = _PROJECT.search((checkout / "pyproject.toml").read_text(encoding="utf-8"))

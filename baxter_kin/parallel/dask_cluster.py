@@ -1,7 +1,7 @@
-"""DaskCluster: tasks on the workers of a Dask scheduler (Dask enters here).
+"""Tasks on the workers of a Dask scheduler; the only module that imports Dask.
 
-Kubernetes, SLURM, SSH and clouds have packages of Dask's own that start workers; to all of them
-this is the same client.
+Dask has packages that start workers on Kubernetes, SLURM, SSH and clouds; this client works with
+all of them.
 """
 
 from __future__ import annotations
@@ -38,30 +38,30 @@ if TYPE_CHECKING:
 CONNECT_S, START_S, COUNT_AGAIN_S = 10.0, 60.0, 5.0
 
 PATIENCE_S = 600.0
-"""How long a run waits for new workers: those of a cluster may stand in a queue."""
+"""Default time that a run waits for new workers, which may be queued on a cluster."""
 
 CHECKS = 20
-"""How often it counts them in that time."""
+"""Number of times that workers are counted in that time."""
 
 FETCHES_S = (1.0, 3.0, 10.0, 60.0)
-"""Timeouts of the attempts to fetch an answer; between them, a lost worker is noticed."""
+"""Timeouts of attempts to fetch an answer; lost workers are noticed between them."""
 
 AHEAD, MIN_AHEAD = 4, 64
-"""Tasks submitted for each worker, and at least: new workers find work at once."""
+"""Number of tasks submitted for each worker, and in all at least: new workers find work at once."""
 
 LOOPBACK = "127.0.0.1"
 
 RESTART_MS = 1000.0
-"""How often a local cluster replaces workers that Dask has given up."""
+"""Interval at which a local cluster replaces workers that Dask has given up."""
 
 PRELOAD = """
 import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 """
-"""Run first by workers of a local cluster: the client answers Ctrl-C, and ends them."""
+"""Startup code of a local cluster's workers: only the client handles Ctrl-C."""
 
-LARGEST_KEPT = 32 * 2**20
-"""Bytes of one allocation: up to where glibc moves its own thresholds by itself (mallopt(3))."""
+MAX_KEPT_BYTES = 32 * 2**20
+"""Largest allocation that glibc keeps after it is freed; the maximum of mallopt(3)."""
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
 
@@ -72,11 +72,11 @@ _ONE_AT_A_TIME = Lock()
 class DaskCluster(OneLine):
     """The workers of a scheduler.
 
-    A worker with several threads runs one task at a time nevertheless, as tasks expect it. As a
-    context manager it disconnects at the end.
+    Workers with several threads run one task at a time, as tasks expect. As a context manager, it
+    disconnects at the end of the block.
 
     Attributes:
-        workers: how many there were when last counted.
+        workers: number of workers when last counted.
     """
 
     def __init__(self, scheduler: str | Client, *, patience_s: float = PATIENCE_S) -> None:
@@ -84,7 +84,7 @@ class DaskCluster(OneLine):
 
         Args:
             scheduler: its address, such as "tcp://10.0.0.1:8786", or a client of it.
-            patience_s: how long a run goes on without any worker.
+            patience_s: time that a run waits without any worker.
         """
         self._patience_s = positive_scalar(patience_s, "patience_s", RequestError)
         self._distributed = _distributed()
@@ -104,14 +104,14 @@ class DaskCluster(OneLine):
     @classmethod
     @contextmanager
     def local(cls, workers: int, *, patience_s: float = PATIENCE_S) -> Iterator[DaskCluster]:
-        """A scheduler of this process and workers on this machine, until the end of the block.
+        """A scheduler in this process and workers on this machine, until the end of the block.
 
-        Workers that die are replaced. They are new processes, so that a script that uses them
-        begins below `if __name__ == "__main__":`.
+        Workers that die are replaced. They are new processes that import the main module, so a
+        script needs `if __name__ == "__main__":`.
 
         Args:
-            workers: how many.
-            patience_s: how long a run goes on without any worker.
+            workers: number of workers.
+            patience_s: time that a run waits without any worker.
         """
         whole_scalar(workers, "workers", RequestError, least=1, most=MAX_WORKERS)
         distributed = _distributed()
@@ -119,7 +119,7 @@ class DaskCluster(OneLine):
             local_cluster(distributed, workers) as cluster,
             distributed.Client(cluster, set_as_default=False) as client,
         ):
-            with suppress(TimeoutError):  # others may come later; without any it ends here
+            with suppress(TimeoutError):  # a start without any worker fails below
                 client.wait_for_workers(workers, timeout=START_S)
             yield cls(client, patience_s=patience_s)
 
@@ -130,16 +130,16 @@ class DaskCluster(OneLine):
         self.close()
 
     def close(self) -> None:
-        """Disconnect; a client that was given stays open."""
+        """Disconnect; a client passed in stays open."""
         if self._is_ours:
             self._client.close()
 
     def run(
         self, task: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[Item, Answer]]:
-        """Items and the answers of the task, as they arrive.
+        """Yield items with the answers of the task, as they arrive.
 
-        When all workers are lost it logs a warning and waits for new ones.
+        When all workers are lost, a warning is logged, and the run waits for new ones.
         """
         ended: SimpleQueue[Any] = SimpleQueue()
         running: dict[Any, int] = {}
@@ -169,7 +169,7 @@ class DaskCluster(OneLine):
             raise self._gone() from cause
 
     def _next(self, ended: SimpleQueue[Any]) -> Any:
-        """The next task that ends, however long it takes while there are workers."""
+        """The next finished task; there is no time limit while there are workers."""
         without_workers = 0
         while True:
             try:
@@ -189,11 +189,11 @@ class DaskCluster(OneLine):
                 )
 
     def _count(self) -> int:
-        """How many workers there are."""
+        """Number of workers."""
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _report(self, future: Any, at: int) -> bytes | None:
-        """The answer of a task; None when it is lost, and the task has to run again."""
+        """The answer of a task; None when it was lost and the task has to run again."""
         for fetch_s in FETCHES_S:
             if future.status == "lost":
                 return None
@@ -234,10 +234,10 @@ class DaskCluster(OneLine):
 
 @contextmanager
 def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
-    """A Dask cluster of this machine that keeps its number of workers.
+    """A Dask cluster on this machine that keeps its number of workers.
 
-    Dask restarts a worker that has died, but gives up one that dies while it starts: after enough
-    such accidents a `LocalCluster` has no worker left. Here the number is set again and again.
+    Dask restarts workers that die, but gives up those that die during startup, until a
+    `LocalCluster` has no worker left. Here the number is set again at intervals.
     """
     from tornado.ioloop import PeriodicCallback  # noqa: PLC0415 - a dependency of Dask
 
@@ -246,7 +246,7 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         threads_per_worker=1,
         processes=True,
         host=LOOPBACK,
-        dashboard_address=f"{LOOPBACK}:0",  # without one it listens on all interfaces
+        dashboard_address=f"{LOOPBACK}:0",  # the default listens on all interfaces
         preload=[PRELOAD],
         silence_logs="CRITICAL",  # a run reports the death of workers
     ) as cluster:
@@ -267,7 +267,7 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
 
 
 def _answered_alone(parcel: bytes) -> bytes:
-    """Run a task while no other runs in this process: what workers of a cluster do."""
+    """Run a task in a worker, one at a time."""
     with _ONE_AT_A_TIME:
         keep_freed_memory()
         return answered(parcel, _dumps())
@@ -275,25 +275,28 @@ def _answered_alone(parcel: bytes) -> bytes:
 
 @lru_cache(maxsize=1)
 def keep_freed_memory() -> bool:
-    """Let this process reuse freed memory; gives whether its C library can do so.
+    """Let this process reuse freed memory.
 
-    Dask starts workers with `MALLOC_TRIM_THRESHOLD_` at 64 KB, so that freed memory is returned to
-    the system at once. With glibc, every array of 128 KB or more is then mapped anew, page by page:
-    a reach map took a third more processor time.
+    Dask starts workers with `MALLOC_TRIM_THRESHOLD_` at 64 KB, so freed memory returns to the
+    system at once, and glibc maps every array of 128 KB or more anew, page by page: a reach map
+    took a third more processor time.
+
+    Returns:
+        Whether the C library supports it.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):  # another C library than glibc
         return False
     is_set = [
-        mallopt(_M_MMAP_THRESHOLD, LARGEST_KEPT),
-        mallopt(_M_TRIM_THRESHOLD, 2 * LARGEST_KEPT),
+        mallopt(_M_MMAP_THRESHOLD, MAX_KEPT_BYTES),
+        mallopt(_M_TRIM_THRESHOLD, 2 * MAX_KEPT_BYTES),
     ]
     return all(is_set)
 
 
 def _dumps() -> Dumps:
-    """How Dask pickles: what is of `__main__`, such as a notebook's functions, by its code."""
+    """Dask's pickler, which sends functions of `__main__`, such as a notebook's, as code."""
     from distributed.protocol.pickle import dumps  # noqa: PLC0415 - only a cluster needs it
 
     return dumps

@@ -1,9 +1,8 @@
-"""Engines run tasks that do not depend on each other, and survive the loss of workers.
+"""Engines that run independent tasks and survive the loss of workers.
 
-A task is a function of a module, called with one item; function, items and answers are pickled. It
-may run more than once, where a worker is lost before it has answered, and it may be ended at any
-time: neither may do harm. There may be millions of items: an engine takes one when its turn comes,
-from a sequence that need not hold them.
+A task is a module-level function of one item; function, items and answers are pickled. A task may
+run more than once, if a worker is lost before it has answered, and may be killed at any time, so it
+must tolerate both. Items are taken one by one from a sequence, which may compute them.
 """
 
 from __future__ import annotations
@@ -31,29 +30,29 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 Dumps: TypeAlias = Callable[[Any], bytes]
-"""Pickles; that of Dask knows functions and classes of `__main__`."""
+"""A pickler; Dask's supports functions and classes of `__main__`."""
 
 MAX_WORKERS = 1024
 
 MAX_LOSSES = 10
-"""An item during which so many workers died is taken to be what kills them."""
+"""Number of workers lost with one item after which that item is blamed."""
 
 LOSSES_TO_RUN_ALONE = 2
-"""A pool loses all running items at once; after so many losses an item runs alone."""
+"""Number of losses after which an item runs alone: a pool loses all running items at once."""
 
 MAX_STARTS = 3
-"""How often a pool is started in which no worker begins."""
+"""Maximum number of consecutive pools in which no worker starts."""
 
 
 class EngineError(BaxterError, RuntimeError):
-    """The workers are gone, or an item kills every worker; one sentence says which."""
+    """All workers are lost, or an item kills every worker."""
 
 
 class Engine(Protocol):
     """Runs tasks.
 
     Attributes:
-        workers: how many tasks run side by side, as far as is known.
+        workers: number of tasks that run at the same time, as far as is known.
     """
 
     workers: int
@@ -61,47 +60,47 @@ class Engine(Protocol):
     def run(
         self, task: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[Item, Answer]]:
-        """Items and the answers of the task, as they arrive.
+        """Yield items with the answers of the task, as they arrive.
 
-        When the caller stops, no further task is started.
+        When the caller stops iterating, no further task is started.
         """
 
 
 class Serial:
-    """One task after the other, in this process."""
+    """Runs tasks one after another in this process."""
 
     workers = 1
 
     def run(
         self, task: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[Item, Answer]]:
-        """Items and the answers of the task, in their order."""
+        """Yield items with the answers of the task, in order."""
         for item in items:
             yield item, task(item)
 
 
 class LocalPool(OneLine):
-    """Worker processes of this machine.
+    """Worker processes on this machine.
 
-    When a worker dies, the pool is started again and what was running is repeated. When this
-    process ends, by whatever cause, its workers end, too. Workers are new processes, so that a
-    script that uses a pool begins below `if __name__ == "__main__":`.
+    When a worker dies, the pool is restarted and the running items are repeated. Workers end with
+    this process, whatever ends it. They are new processes that import the main module, so a script
+    needs `if __name__ == "__main__":`.
 
     Attributes:
-        workers: how many.
+        workers: number of workers.
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        """Choose how many; by default one for each core that this process may use."""
+        """Set the number of workers; by default one for each core that this process may use."""
         chosen = _usable_cores() if workers is None else workers
         self.workers = whole_scalar(chosen, "workers", RequestError, least=1, most=MAX_WORKERS)
 
     def run(
         self, task: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[Item, Answer]]:
-        """Items and the answers of the task, as they arrive.
+        """Yield items with the answers of the task, as they arrive.
 
-        When the caller stops, running tasks are ended.
+        When the caller stops iterating, running tasks are killed.
         """
         left, losses, failed_starts = Backlog(len(items)), Counter[int](), 0
         while left:
@@ -132,7 +131,7 @@ class LocalPool(OneLine):
                     yield items[at], opened(future.result())
 
     def _width(self, running: Any, following: int, losses: Counter[int]) -> int:
-        """How many items may run side by side, the following one among them."""
+        """Number of items that may run at the same time, including the following one."""
         is_suspect = any(losses[at] >= LOSSES_TO_RUN_ALONE for at in (*running, following))
         return 1 if is_suspect else self.workers
 
@@ -141,7 +140,7 @@ class LocalPool(OneLine):
 
 
 class Backlog:
-    """Numbers of the items that wait: those given back first, then the others in their order."""
+    """Queue of item numbers: items given back come first, then the others in order."""
 
     def __init__(self, items: int) -> None:
         self._given_back: list[int] = []
@@ -152,26 +151,26 @@ class Backlog:
 
     @property
     def first(self) -> int:
-        """The number that comes next."""
+        """The next number."""
         return self._given_back[-1] if self._given_back else self._next
 
     def take(self) -> int:
-        """The number that comes next, which waits no longer."""
+        """Remove the next number and return it."""
         if self._given_back:
             return self._given_back.pop()
         self._next += 1
         return self._next - 1
 
     def give_back(self, number: int) -> None:
-        """Let an item wait again whose worker was lost."""
+        """Queue an item again whose worker was lost."""
         self._given_back.append(number)
 
 
-# Tasks and answers as bytes: an executor takes what one side cannot read for the death of a worker
+# Tasks and answers as bytes: an executor mistakes a failure to unpickle for the death of a worker
 
 
 def packed(task: Callable[[Any], object], item: object, dumps: Dumps = pickle.dumps) -> bytes:
-    """A task and its item, for a worker."""
+    """Pickle a task and its item for a worker."""
     try:
         return dumps((task, item))
     except Exception as cause:  # whatever an object's own methods raise
@@ -182,7 +181,7 @@ def packed(task: Callable[[Any], object], item: object, dumps: Dumps = pickle.du
 
 
 def answered(parcel: bytes, dumps: Dumps = pickle.dumps) -> bytes:
-    """The answer of a task: what workers do. What a task raises can be read by the other side."""
+    """Run a pickled task in a worker, and pickle its answer or a readable exception."""
     try:
         task, item = pickle.loads(parcel)
     except Exception as cause:  # whatever an object's own methods raise
@@ -201,13 +200,11 @@ def answered(parcel: bytes, dumps: Dumps = pickle.dumps) -> bytes:
 
 
 def opened(report: bytes) -> Any:
-    """The answer of a task."""
+    """Unpickle the answer of a task."""
     try:
         return pickle.loads(report)
     except Exception as cause:  # whatever an object's own methods raise
-        raise EngineError(
-            f"what a task has answered cannot be read here: {described(cause)}"
-        ) from cause
+        raise EngineError(f"the answer of a task cannot be read: {described(cause)}") from cause
 
 
 def described(error: BaseException) -> str:
@@ -221,10 +218,10 @@ def described(error: BaseException) -> str:
 
 @contextmanager
 def _started(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose workers end with the block, whatever they do.
+    """A pool whose workers end with the block, whatever they are doing.
 
-    They hold one end of a pipe; when the other end closes, by this block or by the end of this
-    process, they end.
+    Workers hold one end of a pipe and exit when the other end is closed, by this block or by the
+    end of this process.
     """
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
@@ -240,7 +237,7 @@ def _started(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin(lifeline: Connection) -> None:
-    """Ignore Ctrl-C, which the client answers, and end with the client."""
+    """Ignore Ctrl-C, which the client handles, and exit with the client."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
@@ -253,9 +250,9 @@ def _end_with(lifeline: Connection) -> None:
 
 
 def _submitted(pool: ProcessPoolExecutor, function: Callable[..., bytes], *given: Any) -> Any:
-    """The future of a call; of one that a broken pool refuses, too.
+    """The future of a call; a failed one when the pool is broken.
 
-    Ctrl-C is held back from a process that starts now until it can ignore it.
+    Ctrl-C is blocked in a process that starts now until it ignores it.
     """
     resource_tracker.ensure_running()  # it lets interrupts through when it starts
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -274,7 +271,7 @@ def _submitted(pool: ProcessPoolExecutor, function: Callable[..., bytes], *given
 
 
 def _note_loss(at: int, losses: Counter[int], begun: Future[bytes]) -> None:
-    """Count a loss of an item; not if no worker had begun."""
+    """Count the loss of an item, unless no worker had started."""
     losses[at] += begun.exception() is None
     if losses[at] >= MAX_LOSSES:
         raise EngineError(
@@ -284,6 +281,6 @@ def _note_loss(at: int, losses: Counter[int], begun: Future[bytes]) -> None:
 
 
 def _usable_cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     has_choice = hasattr(os, "sched_getaffinity")  # not so on macOS
     return len(os.sched_getaffinity(0)) if has_choice else os.cpu_count() or 1

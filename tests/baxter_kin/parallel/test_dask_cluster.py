@@ -103,7 +103,7 @@ def test_what_dead_workers_had_is_run_again(cluster: DaskCluster, tmp_path: Path
     [
         (tasks.fails, OSError, "no space for 3"),
         (tasks.fails_unreadably, EngineError, "a task raised UnreadableError: no luck with 3"),
-        (tasks.answers_unreadably, EngineError, "what a task has answered cannot be read here"),
+        (tasks.answers_unreadably, EngineError, "the answer of a task cannot be read"),
         (tasks.answers_with_an_open_file, TypeError, "cannot pickle"),
     ],
     ids=["raises", "raises unreadably", "answers unreadably", "answers a file"],

@@ -94,7 +94,7 @@ def test_an_item_that_kills_every_worker_ends_the_run(monkeypatch: pytest.Monkey
     [
         (tasks.fails, OSError, "no space for 3"),
         (tasks.fails_unreadably, EngineError, "a task raised UnreadableError: no luck with 3"),
-        (tasks.answers_unreadably, EngineError, "what a task has answered cannot be read here"),
+        (tasks.answers_unreadably, EngineError, "the answer of a task cannot be read"),
         (tasks.answers_with_an_open_file, TypeError, "cannot pickle"),
         (lambda number: number, EngineError, "must be a function of a module"),
     ],
