@@ -136,12 +136,6 @@ class Trajectory:
         backwards = self.q[::-1], -self.v[::-1], self.a[::-1], -self.j[::-1]
         return Trajectory(self.limits, knots, *backwards)
 
-    @property
-    def turning_times(self) -> FloatArray:
-        """Times between knots at which a joint changes direction, shape (k,), s."""
-        after = self._turns
-        return (self.knots_s[:-1, None] + after)[after > 0.0]
-
     def position_extrema(self) -> tuple[FloatArray, FloatArray]:
         """Exact minimum and maximum position of each joint; two arrays of shape (n,), rad."""
         segments = np.arange(len(self.j))
