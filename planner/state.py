@@ -14,8 +14,7 @@ from baxter_kin.display import OneLine, listing
 from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar
 from planner.errors import SceneError, TaskError
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 
 if TYPE_CHECKING:
     from planner.manipulator import Manipulator

@@ -21,8 +21,7 @@ from planner.collision.mover import Mover, Walk
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 from planner.scene.contact import Contact, PartContact, boxed, has_depth, hull
 
 MAX_JOINT = 1000.0

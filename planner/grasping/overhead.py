@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar, positive_scalar
 from planner.errors import SceneError
 from planner.grasping.grasp import Grasp, Miss, extent
@@ -148,7 +149,7 @@ def _candidates(
     """Poses above the middle of some parts of a body, for each of their sides."""
     yaws = [yaw for part in parts for yaw in _sides(part, body.T_base_body.rotation)]
     yaws = yaws or [preferred + turn for turn in np.arange(0.0, math.pi, ROUND_STEP_RAD).tolist()]
-    grasped, z = replace(body, parts=tuple(parts)), _tip_z(hand, body, parts, clear_m)
+    grasped, z = evolve(body, parts=tuple(parts)), _tip_z(hand, body, parts, clear_m)
     for yaw in yaws:
         R = _yawed(yaw)
         level = sum(axis * sum(grasped.extent_m(axis)) / 2 for axis in R.T[:2])
@@ -199,7 +200,7 @@ def _axes(shape: Shape) -> FloatArray:
 def _tip_z(hand: Hand, body: Body, parts: Sequence[Part], clear_m: float) -> float:
     """How high the tip goes to grasp parts of a body, in base: z of the gripper points down."""
     low, high = body.extent_m((0.0, 0.0, 1.0))
-    middle = sum(replace(body, parts=tuple(parts)).extent_m((0.0, 0.0, 1.0))) / 2
+    middle = sum(evolve(body, parts=tuple(parts)).extent_m((0.0, 0.0, 1.0))) / 2
     pads = [extent(part, 2) for pad in hand.pads for part in pad]
     pad_middle = (min(begin for begin, _ in pads) + max(end for _, end in pads)) / 2
     reach = max(extent(part, 2)[1] for finger in hand.fingers for part in finger)

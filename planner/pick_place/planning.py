@@ -37,8 +37,7 @@ from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
 from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 from planner.state import State
 
 

@@ -10,7 +10,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Body, Manipulator, Scene, State
 from planner.errors import SceneError, TaskError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from tests.conftest import at
 
 ORIGIN = at(0.0, 0.0, 0.0)

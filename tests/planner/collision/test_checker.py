@@ -19,7 +19,7 @@ from planner import Body, Box, Manipulator, Part, RobotShapes, Scene
 from planner.collision import Clearance, ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import coal_shape, convex, surface
 from planner.scene.mesh import Mesh
 from tests.bodies import CORNERS, SIDES

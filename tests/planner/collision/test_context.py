@@ -16,7 +16,7 @@ from planner.collision import ClearanceChecker, ContinuousProof
 from planner.collision.context import CollisionContext, Touches
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
 from planner.errors import MotionError, SceneError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall

@@ -15,7 +15,7 @@ from baxter_kin import Arm, Baxter
 from planner import Body, Part, RobotShapes, Scene
 from planner.collision import ClearanceChecker
 from planner.collision.distances import Distances, Enclosure
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, surface
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at

@@ -15,7 +15,7 @@ from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.errors import SceneError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full

@@ -14,7 +14,7 @@ from baxter_kin.errors import ConfigurationError, PoseError
 from planner import LineTolerance, Manipulator, PickAndPlace, Scene, plan_retract
 from planner.errors import MotionError, SceneError, TaskError
 from planner.pick_place.task import PlanRequest
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from tests.conftest import at
 from tests.planner.pick_place.conftest import PICK, PLACE
 

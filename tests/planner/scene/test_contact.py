@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import BaxterError
 from planner import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.collision.distances import ACCURACY_M
 from planner.errors import SceneError
@@ -35,10 +34,10 @@ from tests.conftest import at
 from tests.planner.conftest import distance, hull, mesh_of
 
 CONTACT_TOLERANCE_M = 1e-6
-"""Where a rounded shape touches, distances are found to 1e-8, at grazing angles magnified."""
+"""Distances to rounded shapes are accurate to 1e-8, magnified at grazing angles."""
 
 FINE_TOLERANCE = 1e-10
-"""Of GJK, where coal's own, 1e-6, leaves the direction of the distance too coarse."""
+"""Of GJK, where coal's default, 1e-6, leaves the direction of the distance too coarse."""
 
 X, Y, Z = np.eye(3)
 ORIGIN = at(0.0, 0.0, 0.0)
@@ -52,7 +51,7 @@ metres = st.floats(0.01, 0.1)
 @pytest.mark.parametrize(
     ("gap", "names"), [(0.0, {"slab"}), (4e-4, {"slab"}), (-0.01, {"slab"}), (6e-4, set())]
 )
-def test_bodies_touch_within_what_a_contact_may_press(gap: float, names: set[str]) -> None:
+def test_bodies_touch_within_the_pressing_tolerance(gap: float, names: set[str]) -> None:
     cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.0, 0.0, 0.025 + gap))
     slab = Body("slab", (Part(Box((0.2, 0.2, 0.04)), ORIGIN),), at(0.0, 0.0, -0.02))
     scene = Scene.of([cube, slab, Body("far", (Part(Sphere(0.02), ORIGIN),), at(1.0, 1.0, 1.0))])
@@ -60,11 +59,11 @@ def test_bodies_touch_within_what_a_contact_may_press(gap: float, names: set[str
 
 
 @pytest.mark.parametrize("shape", [CUBE, Cylinder(0.02, 0.1), Sphere(0.03)])
-def test_a_shape_survives_the_way_to_coal_and_back(shape: Any) -> None:
+def test_a_shape_is_the_same_after_conversion_to_coal_and_back(shape: Any) -> None:
     assert shape_of(coal_shape(shape)) == shape
 
 
-def test_a_shape_that_is_not_known_is_refused_by_name() -> None:
+def test_an_unsupported_shape_is_refused_by_name() -> None:
     with pytest.raises(SceneError, match="not Cone"):
         shape_of(coal.Cone(0.1, 0.1))
 
@@ -126,7 +125,7 @@ def test_a_cylinder_travels_to_a_cylinder_as_circles_do(
 
 
 @given(seeds)
-def test_shapes_touch_where_they_are_said_to_and_not_before(seed: int) -> None:
+def test_shapes_touch_at_the_end_of_their_travel_and_not_before(seed: int) -> None:
     rng = np.random.default_rng(seed)
     moving, still = random_part(rng, 0.0), random_part(rng, 0.3)
     way = still.T_body_part.translation - moving.T_body_part.translation
@@ -172,45 +171,23 @@ def test_a_shape_that_moves_away_never_touches() -> None:
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_close_in_need_no_travel(x: float) -> None:
+def test_shapes_in_contact_that_approach_need_no_travel(x: float) -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, x), 1.0) == 0.0
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_part_or_slide_do_not_touch_again(x: float) -> None:
+def test_shapes_in_contact_that_separate_or_slide_do_not_touch_again(x: float) -> None:
     for direction in (-X, Y, -Y, Z):
         assert travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, x), 1.0) is None
 
 
-def test_a_contact_farther_than_the_room_is_none() -> None:
+def test_a_contact_beyond_the_maximum_distance_is_not_reported() -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
 
 
-def test_a_contact_at_the_end_of_the_room_counts() -> None:
+def test_a_contact_at_the_maximum_distance_counts() -> None:
     travel = travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.15)
     assert travel == pytest.approx(0.15, abs=CONTACT_TOLERANCE_M)
-
-
-@pytest.mark.parametrize(
-    "direction",
-    [None, "x", [1.0, 0.0], [0.0] * 3, [2.0, 0.0, 0.0], [np.nan] * 3, [np.inf, 0.0, 0.0], 1.0],
-)
-def test_a_direction_that_is_none_is_refused(direction: Any) -> None:
-    with pytest.raises(SceneError, match="direction"):
-        travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, 0.2), 1.0)
-
-
-@pytest.mark.parametrize("room", [None, "far", np.nan, np.inf, []])
-def test_room_that_is_no_length_is_refused(room: Any) -> None:
-    with pytest.raises(SceneError, match="room_m"):
-        travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), room)
-
-
-@pytest.mark.parametrize("bad", [None, CUBE, "part"])
-def test_what_is_no_part_cannot_touch(bad: Any) -> None:
-    for first, second in ((bad, placed(CUBE, 0.2)), (placed(CUBE, 0.2), bad)):
-        with pytest.raises(BaxterError):
-            travel_to_contact(first, X, second, 1.0)
 
 
 SOLID = mesh_of(CORNERS / 10, SIDES)
@@ -226,7 +203,7 @@ def surface_of(mesh: Mesh, seed: int) -> FloatArray:
 
 
 @given(seeds, st.floats(0.01, 2.0))
-def test_a_solid_mesh_is_as_far_away_as_the_box_it_is(seed: int, apart: float) -> None:
+def test_a_solid_mesh_is_as_far_away_as_the_same_box(seed: int, apart: float) -> None:
     rng = np.random.default_rng(seed)
     T = random_pose(rng, apart)
     box, ball = coal_shape(Box((0.2, 0.2, 0.2))), coal_shape(Sphere(0.05))
@@ -244,12 +221,12 @@ def test_an_open_mesh_is_as_far_away_as_its_nearest_triangle(seed: int, apart: f
     assert whole <= sampled + CONTACT_TOLERANCE_M
 
 
-def test_what_is_wholly_inside_an_open_mesh_touches_nothing() -> None:
+def test_a_ball_wholly_inside_an_open_mesh_touches_nothing() -> None:
     inside = distance(coal_shape(OPEN), ORIGIN, coal_shape(Sphere(0.02)), ORIGIN)
     assert inside == pytest.approx(0.08)
 
 
-def test_what_is_inside_a_solid_mesh_is_deep_in_it() -> None:
+def test_a_ball_inside_a_solid_mesh_has_a_depth() -> None:
     assert distance(coal_shape(SOLID), ORIGIN, coal_shape(Sphere(0.02)), ORIGIN) < -0.1
 
 
@@ -260,7 +237,7 @@ def test_a_shape_travels_to_a_mesh_by_the_gap_between_them(moving: Any, still: A
     assert travel == pytest.approx(0.4 - 0.1 - 0.025, abs=CONTACT_TOLERANCE_M)
 
 
-def test_an_open_mesh_of_many_triangles_cannot_be_touched_on_purpose() -> None:
+def test_an_open_mesh_of_many_triangles_has_no_intended_contacts() -> None:
     count = MAX_TOUCHED_TRIANGLES // len(OPEN.triangles) + 1
     vertices = np.concatenate([OPEN.vertices + k * X / 100 for k in range(count)])
     triangles = np.concatenate([OPEN.triangles + 8 * k for k in range(count)])
@@ -281,7 +258,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
 
 
 def widest_slab_m(first: Part, second: Part, axes: FloatArray) -> float:
-    """The widest gap between two planes across one of the axes, shape (k, 3), that part them."""
+    """The widest gap between two separating planes normal to one of the axes, shape (k, 3)."""
     gaps = []
     for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
         low, high = Body("first", (first,), ORIGIN).extent_m(axis)

@@ -22,8 +22,7 @@ from planner.collision.continuous.proof import prove_clear
 from planner.collision.distances import ACCURACY_M
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.prover.kernel import SHARES
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Shape
+from planner.scene.bodies import Attachment, Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
