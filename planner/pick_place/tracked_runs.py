@@ -284,7 +284,7 @@ def _unclear(label: str, proof: TubeClearance) -> str | None:
         return None
     near = proof.nearest
     if near.distance_m <= proof.margin_m:
-        text = near.told("may be", "may touch")
+        text = near.phrase("may be", "may touch")
         asked = f"; {1e3 * proof.margin_m:.1f} mm are asked for" if proof.margin_m else ""
         return f"{label}: {text} {near.time_s or 0.0:.2f} s after it last rested{asked}"
     return (
