@@ -12,7 +12,7 @@ from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
     from planner.collision.context import CollisionContext as CollisionContext
-    from planner.collision.continuous.proof import prove_clear as prove_clear
+    from planner.collision.proof import prove_clear as prove_clear
     from planner.collision.robot.robot_body import RobotBody as RobotBody
     from planner.collision.robot.robot_shapes import RobotShapes as RobotShapes
     from planner.completion import complete as complete
@@ -113,7 +113,7 @@ __all__, __getattr__ = lazy(
         "plan_retract": "planner.pick_place.planning",
         "plan_start_move": "planner.pick_place.planning",
         "plan_straight_move": "planner.motion.straight_move",
-        "prove_clear": "planner.collision.continuous.proof",
+        "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",
         "tool_of": "planner.grasping.tool",

@@ -1,6 +1,6 @@
 """Clearance: the smallest distance of a configuration, and the proof that a whole motion keeps one.
 
-The proofs are found by `planner.collision.continuous.proof`; these are their results.
+The proofs are found by `planner.collision.proof`; these are their results.
 """
 
 from __future__ import annotations

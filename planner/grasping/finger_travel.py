@@ -3,7 +3,7 @@
 While the fingers travel, shapes slide at constant speed along the closing axis: those of a finger
 with it, and a body that a finger pushes. So the gap along any direction changes linearly, too, and
 rows of separation need no bound on the sag between their ends
-(`planner.collision.continuous.proof`).
+(`planner.collision.proof`).
 
 A closing hand has two intervals. In the first, the body stands still between the fingers. In the
 second, one finger pushes it until the other touches it (`planner.grasping.grasp`). The fall of a
@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
-from planner.collision.continuous.proof import Arrangement, Motion
+from planner.collision.proof import Arrangement, Motion
 from planner.collision.shape_pairs import ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator

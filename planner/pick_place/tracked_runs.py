@@ -13,8 +13,7 @@ from baxter_kin.fields import frozen
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.joint_tube import JointTube
-from planner.collision.continuous.tube_proof import TubeClearance, TubeProofs
+from planner.collision.tube_proof import JointTube, TubeClearance, TubeProofs
 from planner.errors import TaskError, TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
