@@ -161,13 +161,17 @@ class ClearanceChecker(OneLine):
         pair, distance_m = self._nearest(full)
         return self.checked.between(pair, distance_m)
 
-    def configuration(self, q: ArrayLike) -> FloatArray:
+    def configuration(self, q: ArrayLike, what: str = "q") -> FloatArray:
         """A full configuration, shape (19,), refused where distances cannot be measured.
+
+        Args:
+            q: the configuration, rad and m.
+            what: the subject of error messages.
 
         Raises:
             ConfigurationError: when `q` has another shape, is not finite or beyond `MAX_JOINT`.
         """
-        full = finite_array(q, (self.robot.nq,), "q", ConfigurationError)
+        full = finite_array(q, (self.robot.nq,), what, ConfigurationError)
         if np.abs(full).max() > MAX_JOINT:
             raise ConfigurationError(
                 f"a joint is at {np.abs(full).max():g}; at most {MAX_JOINT:g} can be measured"

@@ -69,7 +69,7 @@ class CollisionContext(OneLine):
         """
         self.checker = expect(checker, ClearanceChecker, "checker", SceneError)
         self.margin_m = checked_margin_m(margin_m)
-        self._q_full = self.checker.configuration(q_others).copy()
+        self._q_full = self.checker.configuration(q_others, "q_others").copy()
         self._where = np.array(checker.shapes.robot.indices(checker.mover.joint_names))
 
     @property

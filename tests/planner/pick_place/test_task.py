@@ -128,7 +128,7 @@ def test_a_start_outside_the_limits_is_refused_naming_the_joint(
 
 
 def test_a_negative_margin_is_refused(manipulator: Manipulator, scene: Scene) -> None:
-    with pytest.raises(MotionError, match=r"a safety margin is not negative, got -0\.001 m"):
+    with pytest.raises(MotionError, match=r"a safety margin must not be negative, got -0\.001 m"):
         PlanRequest(manipulator, scene, manipulator.arm.start, -0.001)
 
 
