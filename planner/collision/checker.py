@@ -22,7 +22,8 @@ from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment, Scene
-from planner.scene.contact import Contact, PartContact, boxed, has_depth, hull
+from planner.scene.coal_shapes import boxed, has_depth, hull
+from planner.scene.contact import Contact, PartContact
 
 MAX_JOINT = 1000.0
 """Largest joint value, rad or m; distances at larger ones would lose digits."""

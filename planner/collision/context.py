@@ -27,7 +27,7 @@ from planner.collision.checker import ClearanceChecker
 from planner.collision.obstacles import KEPT_SHARE, Obstacles
 from planner.collision.proof import prove_clear
 from planner.errors import SceneError, TrajectoryError
-from planner.scene.contact import has_depth
+from planner.scene.coal_shapes import has_depth
 from planner.trajectory import Trajectory
 
 IsFree: TypeAlias = Callable[[FloatArray], bool]

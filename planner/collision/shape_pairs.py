@@ -23,13 +23,8 @@ from planner.collision.distances import Covers, Distances, Enclosure
 from planner.collision.robot.cluster_trees import ClusterTree, tree_of_part
 from planner.collision.robot.robot_shapes import LinkShape, RobotShapes
 from planner.scene.bodies import Body, Scene, Shape
-from planner.scene.contact import (
-    PRESSING_TOLERANCE_M,
-    PartContact,
-    coal_shape,
-    convex_pieces,
-    has_depth,
-)
+from planner.scene.coal_shapes import coal_shape, convex_pieces, has_depth
+from planner.scene.contact import PRESSING_TOLERANCE_M, PartContact
 
 Supports: TypeAlias = Set[PartContact | str]
 """What a held or pushed body may touch: pairs of parts, or any part of the named bodies."""

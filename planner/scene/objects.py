@@ -14,7 +14,7 @@ from baxter_kin.frames import PoseLike
 from baxter_kin.validation import finite_array, float_array
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Part
-from planner.scene.contact import shape_of
+from planner.scene.coal_shapes import shape_of
 
 URDF_FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 

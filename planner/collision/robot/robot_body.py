@@ -3,9 +3,8 @@
 A link has three parts, in metres in the frame of the URDF's link:
 
 - `surface`: triangles, fewer than in the mesh of example-robot-data. No point of the mesh is
-farther
-  from them than `margin_m`, which is subtracted from every distance. So a distance of the body is
-  at most that of the mesh.
+  farther from them than `margin_m`, which is subtracted from every distance. So a distance of the
+  body is at most that of the mesh.
 - `enclosure`: a closed surface around the volume that the link's covers enclose. Distances to
   triangles do not reveal that a shape is wholly inside; where motions begin and end, the enclosure
   does. In between, nothing gets inside without touching triangles, except through the openings of
@@ -59,7 +58,7 @@ from baxter_kin.fields import evolve, frozen, mapping
 from baxter_kin.files import open_to_read
 from baxter_kin.validation import FloatArray, finite_scalar
 from planner.errors import BodyFileError, SceneError
-from planner.scene.contact import hull_of, triangles_of
+from planner.scene.coal_shapes import hull_of, triangles_of
 
 VERSION = 3
 """Version of the data file's layout; a file of another version is refused."""

@@ -25,7 +25,7 @@ from planner.collision.robot.known_pairs import KnownPairs
 from planner.collision.robot.robot_body import LinkBody, RobotBody, fitted
 from planner.errors import SceneError
 from planner.scene.bodies import Part, Shape
-from planner.scene.contact import (
+from planner.scene.coal_shapes import (
     convex,
     has_depth,
     hull,

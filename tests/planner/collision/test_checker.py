@@ -20,7 +20,7 @@ from planner.collision import Clearance, ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment
-from planner.scene.contact import coal_shape, convex, surface
+from planner.scene.coal_shapes import coal_shape, convex, surface
 from planner.scene.mesh import Mesh
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at, overhead

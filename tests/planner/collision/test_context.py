@@ -25,7 +25,8 @@ from planner.collision.context import (
 )
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.scene.bodies import Attachment
-from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
+from planner.scene.coal_shapes import has_depth
+from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.conftest import at, overhead
 from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT
 from tests.planner.walls import Room, wall

@@ -17,7 +17,8 @@ from planner import Body, Part, RobotShapes, Scene
 from planner.collision import ClearanceChecker
 from planner.collision.distances import Covers, Distances, Enclosure, placed_points
 from planner.scene.bodies import Attachment
-from planner.scene.contact import PRESSING_TOLERANCE_M, surface
+from planner.scene.coal_shapes import surface
+from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full

@@ -31,7 +31,7 @@ from planner.collision import ClearanceChecker
 from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import LinkBody, RobotBody, fitted, polyhedron_around
 from planner.errors import SceneError
-from planner.scene.contact import surface
+from planner.scene.coal_shapes import surface
 from tests.baxter_kin.description.test_hands import MOUNTS
 from tests.conftest import at
 from tests.meshes.collada import read_collada

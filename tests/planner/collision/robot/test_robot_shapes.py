@@ -29,7 +29,7 @@ from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import LinkShape, link_shapes, surfaces_for_contacts
 from planner.errors import SceneError
 from planner.scene.bodies import Sphere
-from planner.scene.contact import has_depth
+from planner.scene.coal_shapes import has_depth
 from tests.conftest import at
 from tests.planner.conftest import distance
 
