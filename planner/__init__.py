@@ -12,7 +12,7 @@ from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
     from planner.collision.context import CollisionContext as CollisionContext
-    from planner.collision.continuous.proof import prove_clear as prove_clear
+    from planner.collision.proof import prove_clear as prove_clear
     from planner.collision.robot.robot_body import RobotBody as RobotBody
     from planner.collision.robot.robot_shapes import RobotShapes as RobotShapes
     from planner.completion import complete as complete
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from planner.plan import PlanFailure as PlanFailure
     from planner.plan_file import load_plan as load_plan
     from planner.plan_file import save_plan as save_plan
-    from planner.scene.attachment import Attachment as Attachment
+    from planner.scene.bodies import Attachment as Attachment
     from planner.scene.bodies import Body as Body
     from planner.scene.bodies import Box as Box
     from planner.scene.bodies import Cylinder as Cylinder
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from planner.scene.bodies import Sphere as Sphere
     from planner.scene.contact import Contact as Contact
     from planner.scene.mesh import Mesh as Mesh
-    from planner.scene.mesh_file import load_mesh as load_mesh
+    from planner.scene.mesh import load_mesh as load_mesh
     from planner.scene.objects import load_object as load_object
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 __all__, __getattr__ = lazy(
     __name__,
     {
-        "Attachment": "planner.scene.attachment",
+        "Attachment": "planner.scene.bodies",
         "Body": "planner.scene.bodies",
         "Box": "planner.scene.bodies",
         "Certificate": "planner.verification",
@@ -102,7 +102,7 @@ __all__, __getattr__ = lazy(
         "certify": "planner.verification",
         "complete": "planner.completion",
         "fit_response": "planner.motion.response",
-        "load_mesh": "planner.scene.mesh_file",
+        "load_mesh": "planner.scene.mesh",
         "load_object": "planner.scene.objects",
         "load_plan": "planner.plan_file",
         "make_block": "planner.scene.objects",
@@ -113,7 +113,7 @@ __all__, __getattr__ = lazy(
         "plan_retract": "planner.pick_place.planning",
         "plan_start_move": "planner.pick_place.planning",
         "plan_straight_move": "planner.motion.straight_move",
-        "prove_clear": "planner.collision.continuous.proof",
+        "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",
         "tool_of": "planner.grasping.tool",

@@ -1,32 +1,33 @@
-"""What is found of distances: the least one, and what a proof says of a whole motion.
+"""Clearance: the smallest distance of a configuration, and the proof that a whole motion keeps one.
 
-The proof itself is `planner.collision.continuous.proof`.
+The proofs are found by `planner.collision.proof`; these are their results.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TypeAlias
 
-from baxter_kin.display import OneLine, clear, millimetres, seconds, sentence
-from baxter_kin.validation import Checked, finite_scalar
+from baxter_kin.display import clear, millimetres, seconds, sentence
+from baxter_kin.fields import frozen
+from baxter_kin.validation import finite_scalar
 from planner.errors import MotionError, SceneError
 
 SHOWN_M = 5e-5
-"""Distances and depths below this would be shown as 0.0 mm; they are called a touch."""
+"""Distances and depths below this would be shown as 0.0 mm; they are described as touching."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Clearance(Checked, OneLine, error=SceneError):
-    """The least distance that was found, and where.
+@frozen(error=SceneError, eq=True)
+class Clearance:
+    """The smallest distance that was found, and between what.
 
     Attributes:
-        distance_m: negative when the two are inside each other; of a surface of triangles, by at
-            least so much; of fingers, whose pieces fill pockets, by at most so much.
+        distance_m: negative when the two are inside each other. It is a lower bound on the depth in
+            a surface of triangles, and an upper bound on the depth in fingers, whose convex pieces
+            fill pockets of the mesh.
         first: link or body.
         second: link or body.
-        time_s: when, from the start of the motion; None when it was at no time of one.
+        time_s: time since the start of the motion; None for a configuration.
     """
 
     distance_m: float
@@ -36,18 +37,21 @@ class Clearance(Checked, OneLine, error=SceneError):
 
     @property
     def text(self) -> str:
-        """Who is how far from whom, or how deep inside."""
-        return self.told("is", "touches")
+        """A phrase that states the distance, or the depth, of the two."""
+        return self.phrase("is", "touches")
 
-    def told(self, are: str, touch: str) -> str:
-        """The same with other verbs."""
+    def phrase(self, are: str, touch: str) -> str:
+        """`text` with other verbs, such as "would be" and "would touch"."""
         if abs(self.distance_m) < SHOWN_M:
             return f"{self.first} {touch} {self.second}"
         where = "from" if self.distance_m > 0.0 else "inside"
         return f"{self.first} {are} {1e3 * abs(self.distance_m):.1f} mm {where} {self.second}"
 
     def too_near(self, needed_m: float) -> str:
-        """The same where more is needed: a margin, m, or zero or less for a contact.
+        """`text`, followed by the required distance where that is a margin.
+
+        Args:
+            needed_m: the margin; zero or less for a contact.
 
         Raises:
             SceneError: when the margin is not a number.
@@ -63,21 +67,21 @@ class Clearance(Checked, OneLine, error=SceneError):
 
 
 def least(clearances: Iterable[Clearance]) -> Clearance | None:
-    """The smallest of several, or None of none."""
+    """The smallest clearance, or None when there is none."""
     return min(clearances, key=lambda clearance: clearance.distance_m, default=None)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ContinuousProof(Checked, OneLine, error=SceneError):
-    """A motion is clear at every instant.
+@frozen(error=SceneError, eq=True)
+class ContinuousProof:
+    """A motion that is clear at every instant.
 
     Attributes:
-        proven_m: no pair gets closer than this at any time, allowed contacts left out; above the
+        proven_m: minimum distance of all pairs at any time, intended contacts excluded; above the
             margin.
-        nearest: the least distance that was met, between which two and when.
-        margin_m: the distance that was asked for.
-        intervals: how many tasks were examined, each of two clusters and a cell of time.
-        evaluations: how many of these are rows, which prove it.
+        nearest: the smallest distance that was measured.
+        margin_m: the required distance.
+        intervals: number of tasks that were examined, each of two clusters and a cell of time.
+        evaluations: number of these that are rows, of which the proof consists.
     """
 
     proven_m: float
@@ -88,25 +92,25 @@ class ContinuousProof(Checked, OneLine, error=SceneError):
 
     @property
     def is_clear(self) -> bool:
-        """A motion that is not clear has a `ContinuousContact`."""
+        """True; the result of a motion that is not clear is a `ContinuousContact`."""
         return True
 
     def _facts(self) -> tuple[str, ...]:
         return clear(self.proven_m), f"nearest: {sentence(self.nearest.text)}"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ContinuousContact(Checked, OneLine, error=SceneError):
-    """A motion that is not clear, or not known to be; `str()` of it says why in one sentence.
+@frozen(error=SceneError, eq=True)
+class ContinuousContact:
+    """A motion that is not clear, or not proven to be; `str()` of it gives the reason.
 
     Attributes:
-        nearest: the two that are too close, and when. Their distance is at most the needed one, or
-            above it by less than can be told apart.
-        needed_m: the distance they must keep: the margin, or, for an allowed contact, minus how
-            deep it may press.
+        nearest: the two that are too close, and when. Their distance is at most the required one,
+            or above it by less than the accuracy of distances.
+        needed_m: the required distance: the margin, or, for an intended contact, minus the depth to
+            which it may press.
         duration_s: of the whole motion.
-        intervals: how many tasks were examined, each of two clusters and a cell of time.
-        evaluations: how many of these are rows.
+        intervals: number of tasks that were examined, each of two clusters and a cell of time.
+        evaluations: number of these that are rows.
     """
 
     nearest: Clearance
@@ -117,17 +121,17 @@ class ContinuousContact(Checked, OneLine, error=SceneError):
 
     @property
     def is_clear(self) -> bool:
-        """A motion that is clear has a `ContinuousProof`."""
+        """False; the result of a motion that is clear is a `ContinuousProof`."""
         return False
 
     @property
     def is_found(self) -> bool:
-        """Whether they were found too close; else it is only not proven that they never are."""
+        """Whether the two were measured too close; otherwise their distance is not proven only."""
         return self.nearest.distance_m <= self.needed_m
 
     @property
     def fraction(self) -> float:
-        """The share of the motion's duration at that time, 0 .. 1."""
+        """The time of the contact as a share of the motion's duration, 0 .. 1."""
         time_s = self.nearest.time_s or 0.0
         return time_s / self.duration_s if self.duration_s > 0.0 else 0.0
 
@@ -140,8 +144,8 @@ class ContinuousContact(Checked, OneLine, error=SceneError):
                 f"{near.second}: {1e3 * near.distance_m:.3f} mm apart {at}"
             )
         asked = f"; {1e3 * self.needed_m:.1f} mm are asked for"
-        told = f"{near.told('would be', 'would touch')} {at}"
-        return told + asked if near.distance_m >= SHOWN_M else told
+        found = f"{near.phrase('would be', 'would touch')} {at}"
+        return found + asked if near.distance_m >= SHOWN_M else found
 
     def _facts(self) -> tuple[str, ...]:
         return sentence(self.nearest.text), f"{millimetres(self.needed_m)} needed"
@@ -151,8 +155,8 @@ ContinuousResult: TypeAlias = ContinuousProof | ContinuousContact
 
 
 def checked_margin_m(margin_m: float) -> float:
-    """A safety margin, if it is one."""
+    """A safety margin, refused unless it is a number that is not negative."""
     checked = finite_scalar(margin_m, "margin_m", MotionError)
     if checked < 0.0:
-        raise MotionError(f"a safety margin is not negative, got {checked:g} m")
+        raise MotionError(f"a safety margin must not be negative, got {checked:g} m")
     return checked

@@ -19,8 +19,7 @@ from planner.collision.robot.robot_body import RobotBody, identity_of
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 from planner.scene.contact import Contact, PartContact
 from planner.state import State
 

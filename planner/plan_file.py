@@ -37,7 +37,7 @@ from baxter_kin.json_text import Json, as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.mesh import Mesh
 from planner.state import State
 

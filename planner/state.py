@@ -1,37 +1,50 @@
-"""State: where the robot and all bodies are at one moment, and what is in its hands."""
+"""State: the robot's joints, all bodies, and what is in its hands at one moment."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.display import OneLine, listing
-from baxter_kin.fields import FrozenMapping
+from baxter_kin.display import listing
+from baxter_kin.fields import FrozenMapping, evolve, field, frozen
 from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar
 from planner.errors import SceneError, TaskError
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 
 if TYPE_CHECKING:
     from planner.manipulator import Manipulator
 
 SAME_POSE = 1e-6
-"""Two hands hold a body at the same pose when no entry of the two matrices differs by more."""
+"""Maximum difference of any entry of two equal poses of a body that two hands hold."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class State(OneLine):
-    """Robot and bodies at one moment; changing a state makes another one.
+def _joints(given: Mapping[str, float]) -> FrozenMapping[str, float]:
+    joints = expect(given, Mapping, "joints", TaskError)  # type: ignore[type-abstract]
+    checked = {
+        expect(name, str, "the name of a joint", TaskError): finite_scalar(
+            value, f"joint {name}", TaskError
+        )
+        for name, value in joints.items()
+    }
+    return FrozenMapping(checked)
+
+
+_attachments = partial(expect_all, kind=Attachment, what="attachments", error=TaskError)
+
+
+@frozen(error=SceneError)
+class State:
+    """Robot and bodies at one moment; its methods return changed states.
 
     Attributes:
-        scene: all bodies where they are, those in a hand as well.
+        scene: all bodies at their poses, including those in a hand.
         joints: every joint of the robot by name, rad and m.
-        attachments: what hangs on which link; a hand holds one body at most.
+        attachments: the bodies that move with links; a hand holds one body at most.
 
     Raises:
         SceneError: when `scene` is not a `Scene`, or lacks an attached body.
@@ -39,26 +52,15 @@ class State(OneLine):
     """
 
     scene: Scene
-    joints: Mapping[str, float]
-    attachments: tuple[Attachment, ...] = ()
+    joints: Mapping[str, float] = field(converter=_joints)
+    attachments: tuple[Attachment, ...] = field(default=(), converter=_attachments)
 
-    def __post_init__(self) -> None:
-        expect(self.scene, Scene, "scene", SceneError)
-        joints = expect(self.joints, Mapping, "joints", TaskError)  # type: ignore[type-abstract]
-        copied = {
-            expect(name, str, "the name of a joint", TaskError): finite_scalar(
-                value, f"joint {name}", TaskError
-            )
-            for name, value in joints.items()
-        }
-        object.__setattr__(self, "joints", FrozenMapping(copied))
-        attachments = expect_all(self.attachments, Attachment, "attachments", TaskError)
-        object.__setattr__(self, "attachments", attachments)
-        for each in attachments:
-            _ = self.scene[each.body]  # says what there is
-        sides = [each.side for each in attachments]
+    def __attrs_post_init__(self) -> None:
+        for each in self.attachments:
+            _ = self.scene[each.body]  # refuses an unknown body
+        sides = [each.side for each in self.attachments]
         if len(set(sides)) < len(sides):
-            names = ", ".join(each.body for each in attachments)
+            names = ", ".join(each.body for each in self.attachments)
             raise TaskError(f"a hand holds one body at most, got: {names}")
 
     @classmethod
@@ -69,20 +71,20 @@ class State(OneLine):
         held: Iterable[Attachment] = (),
         q: FloatArray | None = None,
     ) -> State:
-        """What a manipulator plans for.
+        """The state that a manipulator plans for.
 
         Args:
-            manipulator: its own fingers and all other joints are as `q_others` says.
+            manipulator: its fingers, and its `q_others` for all other joints.
             scene: all bodies.
             held: what the hands hold.
-            q: where its arm stands, shape (7,), rad; as `q_others` says when not given.
+            q: configuration of its arm, shape (7,), rad; by default that of `q_others`.
         """
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
         joints |= manipulator.hand.finger_joints(manipulator.finger_m)
         if q is not None:
             joints |= manipulator.arm.joints(q)
-        return cls(scene, joints, expect_all(held, Attachment, "what the hands hold", TaskError))
+        return cls(scene, joints, _attachments(held))
 
     def q(self, names: Iterable[str]) -> FloatArray:
         """The values of some joints, in order.
@@ -101,12 +103,12 @@ class State(OneLine):
         return next((each for each in self.attachments if each.side == side), None)
 
     def moved(self, robot: Baxter, joints: Mapping[str, float]) -> State:
-        """With some joints elsewhere; what hangs on their links comes along.
+        """The state with some joints moved, and the bodies attached to their links.
 
         Raises:
-            TaskError: when two hands that hold one body would have it at two poses.
+            TaskError: when two hands that hold one body would move it to two poses.
         """
-        state = replace(self, joints={**self.joints, **joints})
+        state = evolve(self, joints={**self.joints, **joints})
         scene, placed = self.scene, dict[str, pin.SE3]()
         for each in self.attachments:
             T_base_body = state._T_base_link(robot, each) * each.T_link_body
@@ -114,17 +116,17 @@ class State(OneLine):
             if not other.isApprox(T_base_body, SAME_POSE):
                 raise TaskError(f"the two hands that hold {each.body!r} would tear it apart")
             scene = scene.moved(each.body, T_base_body)
-        return replace(state, scene=scene)
+        return evolve(state, scene=scene)
 
     def held_by(self, link: str, body: str, T_link_body: pin.SE3) -> State:
-        """With a body that moves with a link from now on."""
-        return replace(self, attachments=(*self.attachments, Attachment(body, link, T_link_body)))
+        """The state with a body attached to a link."""
+        return evolve(self, attachments=(*self.attachments, Attachment(body, link, T_link_body)))
 
     def released(self, body: str, T_base_body: pin.SE3 | None = None) -> State:
-        """With a body that hangs on nothing, where it is or at another pose."""
+        """The state with a body detached, at its pose or at another one."""
         kept = tuple(each for each in self.attachments if each.body != body)
         scene = self.scene if T_base_body is None else self.scene.moved(body, T_base_body)
-        return replace(self, scene=scene, attachments=kept)
+        return evolve(self, scene=scene, attachments=kept)
 
     def _T_base_link(self, robot: Baxter, of: Attachment) -> pin.SE3:
         arm = robot.arm(of.side)

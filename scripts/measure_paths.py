@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.command_line import OneSentenceParser, whole_number
 from planner import Body, Box, Manipulator, Part, Scene, Trajectory, plan_joint_move
-from planner.collision.context import CollisionContext
-from planner.collision.sampling import looks_clear, sample_times
+from planner.collision.context import CollisionContext, looks_clear, sample_times
 from planner.errors import FreeMoveError
 from planner.motion.free_move import plan_free_move
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies

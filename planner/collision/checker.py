@@ -1,4 +1,4 @@
-"""Distances between one arm and what it must not touch."""
+"""ClearanceChecker: the distances of one arm from everything it must not touch."""
 
 from __future__ import annotations
 
@@ -11,42 +11,43 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import OneLine, count, quoted
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.validation import FloatArray, Indices, expect, finite_array
+from baxter_kin.validation import FloatArray, Indices, expect, expect_all, finite_array
 from planner.clearance import Clearance
-from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.distances import UNKNOWN_DEPTH_M
+from planner.collision.motion_bounds import MotionBounds
 from planner.collision.mover import Mover, Walk
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
-from planner.scene.contact import Contact, PartContact, boxed, has_depth, hull
+from planner.scene.bodies import Attachment, Scene
+from planner.scene.coal_shapes import boxed, has_depth, hull
+from planner.scene.contact import Contact, PartContact
 
 MAX_JOINT = 1000.0
-"""Joint values beyond this, rad or m, are refused; distances would lose digits."""
+"""Largest joint value, rad or m; distances at larger ones would lose digits."""
 
 
 class ClearanceChecker(OneLine):
-    """How close one arm comes to anything it must not touch, in one situation.
+    """The distances of one arm from everything it must not touch, in one situation.
 
-    Checked are the arm's shapes against the rest of the robot, against themselves and against the
-    bodies of the scene, and a held body against all but the hand. Not checked are pairs that no
-    motion of the arm brings nearer, and those of links that cannot meet (`RobotShapes`).
+    The arm's shapes are checked against the rest of the robot, against each other and against the
+    bodies of the scene, and a held body against everything except the hand. Pairs whose distance
+    does not change with the arm are not checked, nor are those of links that cannot meet
+    (`RobotShapes`).
 
-    Where a hand grasps, it must come near what it grasps: all shapes of the hand may come nearer to
-    that body than a margin, as long as they do not touch it; its pads may press on it, if asked
-    for, as may a held body on what it stood or will stand on, by up to `PRESSING_TOLERANCE_M`.
+    A hand must come near a body to grasp it: all shapes of the hand may come nearer to that body
+    than a margin, as long as they do not touch it. Its pads may press on the body if `may_press`,
+    and a held body on its supports, by up to `PRESSING_TOLERANCE_M`.
 
     Attributes:
         arm: the arm that moves.
-        shapes: the robot's.
+        shapes: the robot's shapes.
         robot: the model of the whole robot.
         checked: the pairs of shapes that are checked.
         geometry: all shapes, without pairs.
-        contacts: what may come near or touch, because that is meant.
+        contacts: the intended contacts.
     """
 
     def __init__(
@@ -60,18 +61,17 @@ class ClearanceChecker(OneLine):
         held: Attachment | None = None,
         supports: Iterable[PartContact | str] = (),
     ) -> None:
-        """Build the geometry of that situation.
+        """Build the geometry of a situation.
 
         Args:
-            shapes: the robot's.
+            shapes: the robot's shapes.
             arm: the arm that moves.
-            scene: all bodies; they stand still, but for the held one.
-            touchable: name of the body that the hand grasps, is about to, or has let go.
+            scene: all bodies; only the held one moves.
+            touchable: name of the body that the hand grasps, is about to grasp, or has released.
             may_press: whether the pads may touch that body.
-            held: what the hand carries.
-            supports: what the held body may touch, because it stood or will stand on it: pairs of
-                parts, as `part_contacts` gives them, or names of bodies, any part of which it may
-                touch.
+            held: the body in the hand.
+            supports: what the held body stood or will stand on, and may touch: pairs of parts, as
+                `part_contacts` gives them, or names of bodies, any part of which it may touch.
 
         Raises:
             SceneError: when the touchable or the held body is not in the scene, another hand holds
@@ -81,7 +81,7 @@ class ClearanceChecker(OneLine):
         expect(arm, Arm, "arm", SceneError)
         expect(may_press, bool, "may_press", SceneError)
         _check_situation(arm, scene, touchable, held)
-        touched = frozenset(supports)
+        touched = _checked_supports(supports)
         self.arm = arm
         self._made_by = partial(
             ClearanceChecker,
@@ -113,7 +113,7 @@ class ClearanceChecker(OneLine):
 
     @cached_property
     def mover(self) -> Mover:
-        """The arm that moves, as the robot of the shapes has it: they move as theirs does."""
+        """The arm that moves, as the robot of the shapes has it, with whose arm they move."""
         return Mover.of(self.shapes.robot.arm(self.arm.side))
 
     @cached_property
@@ -123,12 +123,12 @@ class ClearanceChecker(OneLine):
 
     @cached_property
     def motion_bounds(self) -> MotionBounds:
-        """Bounds on distances and motions of the shapes while the mover moves."""
+        """Poses of the shapes, and bounds on their motions, while the mover moves."""
         return MotionBounds(self.robot, self.geometry, self.mover, self.checked.covers)
 
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:
-        """The shapes of the pairs and no others, with those pairs, made to find contacts fast."""
+        """A geometry model of the pairs and their shapes alone, made for finding contacts fast."""
         geometry, surfaces = pin.GeometryModel(), self.shapes.for_contacts
         kept = np.unique(self.pairs)
         for number in kept.tolist():
@@ -143,7 +143,7 @@ class ClearanceChecker(OneLine):
         return geometry
 
     def hull(self, shape: int) -> coal.CollisionGeometry:
-        """The convex hull of a shape, made once; coal's functors hold bare pointers to it."""
+        """The convex hull of a shape, made once, as coal's functors hold bare pointers to it."""
         if shape < len(self.shapes.links):
             return self.shapes.hull(shape)
         if shape not in self._hulls:
@@ -151,9 +151,9 @@ class ClearanceChecker(OneLine):
         return self._hulls[shape]
 
     def clearance(self, q: ArrayLike) -> Clearance:
-        """The least distance at a full configuration, shape (19,).
+        """The smallest distance at a full configuration, shape (19,).
 
-        Pairs that may come near each other count where they are nearer than they may.
+        Intended contacts count only where the two are nearer than allowed.
 
         Raises:
             ConfigurationError: when `q` has another shape or is not finite.
@@ -162,22 +162,26 @@ class ClearanceChecker(OneLine):
         pair, distance_m = self._nearest(full)
         return self.checked.between(pair, distance_m)
 
-    def configuration(self, q: ArrayLike) -> FloatArray:
-        """A full configuration, shape (19,), known to be one that distances can be measured in.
+    def configuration(self, q: ArrayLike, what: str = "q") -> FloatArray:
+        """A full configuration, shape (19,), refused where distances cannot be measured.
+
+        Args:
+            q: the configuration, rad and m.
+            what: the subject of error messages.
 
         Raises:
-            ConfigurationError: when it has another shape, is not finite or beyond `MAX_JOINT`.
+            ConfigurationError: when `q` has another shape, is not finite or beyond `MAX_JOINT`.
         """
-        full = finite_array(q, (self.robot.nq,), "q", ConfigurationError)
+        full = finite_array(q, (self.robot.nq,), what, ConfigurationError)
         if np.abs(full).max() > MAX_JOINT:
             raise ConfigurationError(
-                f"a joint stands at {np.abs(full).max():g}; up to {MAX_JOINT:g} is measured"
+                f"a joint is at {np.abs(full).max():g}; at most {MAX_JOINT:g} can be measured"
             )
         return full
 
     @property
     def pairs(self) -> Indices:
-        """The shapes of every pair, shape (n, 2)."""
+        """The two shapes of every pair, shape (n, 2)."""
         return self.checked.numbers
 
     @property
@@ -188,9 +192,9 @@ class ClearanceChecker(OneLine):
     def distances_m(
         self, full: FloatArray, pairs: Iterable[int], within_m: float = np.inf
     ) -> list[float]:
-        """The distances of some pairs at a checked full configuration, shape (19,).
+        """The distances of some pairs at a valid full configuration, shape (19,).
 
-        Where one is not less than `within_m`, that or more is given.
+        Where a distance is not less than `within_m`, the result is that or a larger value.
         """
         bounds, distances = self.motion_bounds, self.checked.distances
         distances.place(bounds.place(full, full[bounds.q_index][None]).shapes[0])
@@ -200,10 +204,7 @@ class ClearanceChecker(OneLine):
         return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
 
     def _nearest(self, full: FloatArray) -> tuple[int, float]:
-        """The nearest pair and its distance.
-
-        Bounds below zero say nothing of how deep two are inside each other.
-        """
+        """The nearest pair and its distance; lower bounds below zero are no bounds on a depth."""
         placing, distances = self.motion_bounds, self.checked.distances
         poses = placing.place(full, full[placing.q_index][None]).shapes
         distances.place(poses[0])
@@ -217,9 +218,16 @@ class ClearanceChecker(OneLine):
             if distance_m > 0.0 and distances.is_within(pair):
                 distance_m = UNKNOWN_DEPTH_M
             need_m = self.checked.needs_m[pair]
-            if distance_m < least_m and not distance_m > need_m:  # NaN: any distance counts
+            if distance_m < least_m and not distance_m > need_m:  # NaN: without an own need
                 nearest, least_m = pair, distance_m
         return nearest, least_m
+
+
+def _checked_supports(supports: Iterable[PartContact | str]) -> frozenset[PartContact | str]:
+    touched = expect_all(supports, object, "supports", SceneError)
+    if not all(isinstance(each, (str, PartContact)) for each in touched):
+        raise SceneError(f"supports must be names or pairs of parts, got {quoted(touched)}")
+    return frozenset(each for each in touched if isinstance(each, (str, PartContact)))
 
 
 def _check_situation(
@@ -227,7 +235,7 @@ def _check_situation(
 ) -> None:
     expect(scene, Scene, "scene", SceneError)
     if touchable is not None:
-        _ = scene[touchable]  # says what there is
+        _ = scene[touchable]  # refuses an unknown body
     if held is None:
         return
     _ = scene[expect(held, Attachment, "held", SceneError).body]
@@ -236,4 +244,4 @@ def _check_situation(
             f"{held.body!r} is in the {held.side} hand; the {arm.side} arm cannot carry it"
         )
     if touchable == held.body:
-        raise SceneError(f"{held.body!r} is in the hand; it cannot stand there to be touched")
+        raise SceneError(f"{held.body!r} is in the hand; it cannot be the touchable body as well")

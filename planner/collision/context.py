@@ -1,15 +1,19 @@
-"""CollisionContext: one arm in one situation, asked what is free, what is clear, and by how much.
+"""CollisionContext: one arm in one situation, with the free configurations and clear motions there.
 
-A search for a path asks some thousand times whether a configuration is free, so the answer is a
-bare yes or no: Pinocchio moves coal's shapes, a tree of their bounding boxes (broad phase) leaves
-few pairs to look at, and the first contact ends the check. What touches what, and how deep, is
-`clearance`, fifty times slower. The situations of a pick and place are on
-`planner.pick_place.phases`.
+A search for a path tests some thousand configurations, so `is_free` gives a mere yes or no:
+Pinocchio moves coal's shapes, a tree of their bounding boxes (broad phase) leaves few pairs to
+test, and the first contact ends the test. `clearance`, which also measures distances, is fifty
+times slower. A motion is screened at samples (`looks_clear`), which rejects it quickly, and then
+proven (`planner.collision.proof`). `planner.pick_place.phases` makes the contexts of a pick and
+place.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -20,38 +24,42 @@ from baxter_kin.errors import ConfigurationError
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 from planner.clearance import Clearance, ContinuousResult, checked_margin_m
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.proof import prove_clear
 from planner.collision.obstacles import KEPT_SHARE, Obstacles
-from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
-from planner.errors import SceneError
-from planner.scene.contact import has_depth
+from planner.collision.proof import prove_clear
+from planner.errors import SceneError, TrajectoryError
+from planner.scene.coal_shapes import has_depth
 from planner.trajectory import Trajectory
 
+IsFree: TypeAlias = Callable[[FloatArray], bool]
+"""Whether an arm touches nothing at a configuration, shape (n,), rad."""
+
+SCREENING_STEP_RAD = 0.03
+"""Maximum motion of a joint between two samples that screen a motion before its proof."""
+
 NEAR_RAD = 100.0
-"""An array with joints below this needs no other check: `is_free` is asked some thousand times."""
+"""An array of joints below this is not checked further, as `is_free` is called very often."""
 
 
 class CollisionContext(OneLine):
-    """What stands around one arm, what it holds and may touch, and the distance that it keeps.
+    """One arm in one situation, and the distance that it keeps.
 
-    The pairs of shapes, the allowed contacts and the depth from which one of them counts are those
-    of the checker; a configuration is free exactly where all other pairs are farther apart than the
-    margin. Not to be shared between threads.
+    The checker defines the pairs of shapes, the intended contacts and their allowed depths; a
+    configuration is free exactly where all other pairs are farther apart than the margin. Not to be
+    shared between threads.
 
     Attributes:
-        checker: of the arm that moves, in that situation.
-        margin_m: distance that everything keeps, allowed contacts left out.
+        checker: of the arm that moves, in the situation.
+        margin_m: distance that everything keeps, intended contacts excluded.
     """
 
     def __init__(
         self, checker: ClearanceChecker, q_others: ArrayLike, *, margin_m: float = 0.0
     ) -> None:
-        """For an arm whatever it has on its flange: a gripper, a tool, or nothing.
+        """Set the positions of all other joints; the arm may have a gripper, a tool, or nothing.
 
         Args:
-            checker: of the arm that moves, in that situation.
-            q_others: a full configuration, shape (19,), which says where all joints but the arm's
-                stand.
+            checker: of the arm that moves, in the situation.
+            q_others: a full configuration, shape (19,), for all joints but the arm's.
             margin_m: distance to keep, not negative.
 
         Raises:
@@ -61,18 +69,17 @@ class CollisionContext(OneLine):
         """
         self.checker = expect(checker, ClearanceChecker, "checker", SceneError)
         self.margin_m = checked_margin_m(margin_m)
-        q_full = finite_array(q_others, (checker.robot.nq,), "q_others", ConfigurationError)
-        self._q_full = self.checker.configuration(q_full).copy()
+        self._q_full = self.checker.configuration(q_others, "q_others").copy()
         self._where = np.array(checker.shapes.robot.indices(checker.mover.joint_names))
 
     @property
     def joints(self) -> int:
-        """How many joints move, J."""
+        """Number of joints that move, J."""
         return len(self._where)
 
     @property
     def q_others(self) -> FloatArray:
-        """Where all other joints stand, shape (19,); of the arm's own it says nothing."""
+        """A full configuration, shape (19,); its values for the arm have no meaning."""
         return self._q_full.copy()
 
     def is_free(self, q: ArrayLike) -> bool:
@@ -84,7 +91,7 @@ class CollisionContext(OneLine):
         return not self._touches(self._full(q))
 
     def clearance(self, q: ArrayLike) -> Clearance:
-        """The least distance at `q`, shape (7,), rad, and between what.
+        """The smallest distance at `q`, shape (7,), rad.
 
         Raises:
             ConfigurationError: when `q` has another shape or is not finite.
@@ -92,20 +99,25 @@ class CollisionContext(OneLine):
         return self.checker.clearance(self._full(q))
 
     def prove(self, trajectory: Trajectory) -> ContinuousResult:
-        """A proof that a motion keeps the margin, or what speaks against it."""
+        """A proof that a motion keeps the margin, or the contact that prevents it."""
         return prove_clear(self.checker, trajectory, self._q_full, margin_m=self.margin_m)
 
     def is_clear(self, trajectory: Trajectory) -> bool:
-        """Whether a motion is proven to keep the margin; looked at in samples first."""
-        looks = looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
-        return looks and self.prove(trajectory).is_clear
+        """Whether a motion is proven to keep the margin; samples are tested first.
+
+        Raises:
+            TrajectoryError: when the motion is of another class, or of other joints.
+        """
+        expect(trajectory, Trajectory, "trajectory", TrajectoryError)
+        is_candidate = looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
+        return is_candidate and self.prove(trajectory).is_clear
 
     def with_margin(self, margin_m: float, *ends: ArrayLike) -> CollisionContext:
-        """The same with another margin.
+        """The same context with another margin.
 
         Args:
             margin_m: distance to keep, not negative.
-            ends: free configurations, each of shape (7,), rad, that stay free: two shapes nearer
+            ends: free configurations, each of shape (7,), rad, that remain free: two shapes nearer
                 there than the margin keep `KEPT_SHARE` of that distance instead.
 
         Raises:
@@ -119,11 +131,11 @@ class CollisionContext(OneLine):
         return other
 
     def obstacles(self, margin_m: float, resting: ArrayLike) -> Obstacles:
-        """What stands around, for motion programs.
+        """The obstacles around the arm, for motion programs.
 
         Args:
             margin_m: distance to keep, not negative, as far as it is kept where the arm rests.
-            resting: configurations at which it does, shape (k, 7), rad.
+            resting: configurations at which the arm rests, shape (k, 7), rad.
 
         Raises:
             MotionError: when the margin is not a number, or negative.
@@ -142,7 +154,7 @@ class CollisionContext(OneLine):
         return Touches(self.checker, self.margin_m)
 
     def _full(self, q: ArrayLike) -> FloatArray:
-        """A configuration with the rest of the robot, shape (19,); the next call overwrites it."""
+        """The full configuration of the robot at `q`; the next call overwrites it."""
         is_array = type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.joints,)
         if not (is_array and np.abs(q).max() < NEAR_RAD):  # nor where one is NaN
             q = finite_array(q, (self.joints,), "q", ConfigurationError)
@@ -153,9 +165,9 @@ class CollisionContext(OneLine):
         return self._q_full
 
     def _nearest(self, qs_full: list[FloatArray], margin_m: float) -> FloatArray:
-        """The least distance of every pair over some full configurations, shape (pairs,), m.
+        """The smallest distance of every pair at some full configurations, shape (pairs,), m.
 
-        Those beyond what makes them keep the whole margin are not measured any closer.
+        Distances that are large enough for the whole margin are not measured exactly.
         """
         pairs, within_m = range(len(self.checker.may_touch)), margin_m / KEPT_SHARE
         found = [self.checker.distances_m(q, pairs, within_m) for q in qs_full]
@@ -166,10 +178,10 @@ class CollisionContext(OneLine):
 class Touches:
     """Whether any pair of shapes is nearer than its own margin.
 
-    The shapes are the checker's; geometry, data and broad phase are made anew for every use, as the
-    broad phase keeps bare pointers into them and none may change under it. A margin below zero is
-    how deep shapes may be inside each other before they count; where coal does not know a depth, in
-    meshes that are not convex, any contact does.
+    The shapes are the checker's. Geometry, data and broad phase are this object's own, as the broad
+    phase keeps bare pointers into them. A negative margin is a depth up to which shapes may be
+    inside each other; where coal does not know a depth, in meshes that are not convex, any contact
+    counts.
     """
 
     def __init__(
@@ -196,14 +208,56 @@ class Touches:
         return type(self), self._made_of
 
     def __call__(self, q_full: FloatArray) -> bool:
-        """At a full configuration, checked, shape (19,)."""
+        """Whether they touch at a valid full configuration, shape (19,)."""
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)
 
 
 def _with_depth(checker: ClearanceChecker) -> NDArray[np.bool_]:
-    """Of which pairs it is known how deep they are inside each other, shape (pairs,)."""
+    """Whether coal measures depths for each pair, shape (pairs,)."""
     known = np.array([has_depth(shape.geometry) for shape in checker.geometry.geometryObjects])
     first, second = checker.pairs.T
     of_pairs: NDArray[np.bool_] = np.logical_and(known[first], known[second])
     return of_pairs
+
+
+def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> bool:
+    """Whether a motion is free at samples, ends first, then by bisection.
+
+    This rejects a motion quickly, but never proves that it is clear.
+
+    Args:
+        trajectory: the motion.
+        is_free: called for each sample.
+        step_rad: maximum motion of a joint between two samples, above zero.
+    """
+    times = sample_times(trajectory, step_rad)
+    qs = trajectory.sample(times).q
+    return all(is_free(qs[i]) for i in bisecting(len(times)))
+
+
+def sample_times(trajectory: Trajectory, step_rad: float) -> FloatArray:
+    """Times between which no joint moves by more than `step_rad`, both ends included."""
+    if trajectory.duration == 0.0:
+        return np.zeros(1)
+    lengths = _top_speeds(trajectory) * np.diff(trajectory.knots_s)
+    way = np.concatenate([[0.0], np.cumsum(lengths)])  # no joint has moved farther by then
+    count = max(1, math.ceil(way[-1] / step_rad))
+    return np.interp(np.linspace(0.0, way[-1], count + 1), way, trajectory.knots_s)
+
+
+@lru_cache(maxsize=1024)
+def bisecting(count: int) -> tuple[int, ...]:
+    """The numbers 0 .. `count` - 1 in the order of bisection: both ends, the middle, the quarters.
+
+    In this order, a collision in the middle of a motion is found after few samples.
+    """
+    inner = sorted(range(1, count - 1), key=lambda number: -(number & -number))
+    return tuple(dict.fromkeys([0, count - 1, *inner])) if count else ()
+
+
+def _top_speeds(trajectory: Trajectory) -> FloatArray:
+    """Exact maximum speed of any joint in every segment, shape (m,), rad/s."""
+    v = trajectory.v
+    speeds: FloatArray = np.abs([v[:-1], v[1:], trajectory.turning_velocities]).max(axis=(0, 2))
+    return speeds

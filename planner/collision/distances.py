@@ -1,15 +1,18 @@
-"""Distances between the shapes of a geometry model, as closely as each question needs.
+"""Distances between the shapes of a geometry model: lower bounds, and measured values.
 
-A convex shape's distance is exact. That of triangles takes a hundred times as long, but whether
-they are farther apart than a share of their distance is found out nearly as fast. So of a pair that
-was far apart before, only a share of that is asked for, where a lower bound will do; and where a
-few convex shapes contain the triangles, these are asked first, and how deep something is in them.
+`Covers` are simple shapes around others, whose distances are lower bounds that cost little.
 
-Triangles are a surface, and what is wholly inside touches none of them. Where a closed surface
-around what they enclose is known, as of a robot's links, that is found out by its winding number
-about a point of the other shape (Jacobson, Kavan and Sorkine-Hornung, "Robust inside-outside
-segmentation using generalized winding numbers", ACM Trans. Graphics 32(4), 2013), and only where a
-motion begins and ends: none leads inside without crossing triangles, but through their openings.
+`Distances` measures with coal. The distance of two convex shapes is exact. That of triangles takes
+a hundred times as long, but finding out whether they are farther apart than a given distance is
+nearly as fast. So a caller gives the distance up to which it needs the value; and where a few
+convex shapes contain the triangles, these are measured first, and give the depth.
+
+Triangles are a surface, and a shape wholly inside touches none of them. Where a closed surface
+around them is known, as for a robot's links, such a shape is found by the winding number of the
+surface about a point of the shape (Jacobson, Kavan and Sorkine-Hornung, "Robust inside-outside
+segmentation using generalized winding numbers", ACM Trans. Graphics 32(4), 2013), and only at the
+beginning and the end of a motion: no motion leads inside without crossing triangles, except through
+their openings.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -27,38 +31,116 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 
 ACCURACY_M = 1e-5
-"""By how much coal's distances may be wrong up to 1 m; in proportion beyond. Its iterations end at
-1e-6; against planes between random shapes of up to 10 m no distance was wrong by more than 2e-6."""
+"""Maximum error of coal's distances up to 1 m; in proportion beyond. Its iterations end at 1e-6;
+compared with planes between random shapes of up to 10 m, no error was larger than 2e-6."""
 
 RESOLUTION_M = 2 * ACCURACY_M
-"""Coal does not tell a distance within this of a needed one from a contact."""
+"""A distance closer than this to the required one cannot be distinguished from a contact."""
 
 UNKNOWN_DEPTH_M = -0.01
-"""Stands for the distance where coal finds shapes inside each other but not how deep."""
+"""Distance of shapes that coal finds inside each other, where it does not know their depth."""
 
 NO_DISTANCE_M = -1e6
-"""What coal says is less than this where it finds no distance."""
-
-FIRST_M, EASY, BOLDER = 0.02, 0.8, 1.1
-"""What is asked for first where more would be of no use; of a distance that a pair had, the share
-that is asked for then; and by how much more each time that it was there."""
+"""Coal returns less than this where it finds no distance."""
 
 MAX_CONTACTS = 32
-"""Triangles that are looked at to say how deep something is in a surface."""
+"""Maximum number of contacts from which the depth in a surface is found."""
 
 POINTS_SLACK_M = 1e-6
-"""How much farther than a distance that is known its points are sought."""
+"""Excess of the search range for nearest points over their known distance."""
 
 INSIDE = 0.5
-"""A closed surface winds about a point inside once, about one outside not at all."""
+"""Minimum winding number about a point inside: it is 1 for those inside, 0 for those outside."""
+
+
+class Covers(NamedTuple):
+    """Simple shapes around n shapes, each in the frame of its shape.
+
+    Attributes:
+        lowest, highest: corners of a box, shape (n, 3), m.
+        centres, ball_radii: a ball, shapes (n, 3) and (n,), m.
+        ends, radii: a capsule, shapes (n, 2, 3) and (n,), m.
+    """
+
+    lowest: FloatArray
+    highest: FloatArray
+    centres: FloatArray
+    ball_radii: FloatArray
+    ends: FloatArray
+    radii: FloatArray
+
+    def gaps_m(
+        self, poses: FloatArray, number: Indices, first: Indices, second: Indices
+    ) -> FloatArray:
+        """Lower bounds on the distances of pairs, shape (k,), m; negative ones have no meaning.
+
+        They are distances from the ball around the first shape to the box around the second.
+
+        Args:
+            poses: of all shapes in base, shape (m, n, 4, 4).
+            number: which of the m poses each pair is at, shape (k,).
+            first: number of the first shape of each pair, shape (k,).
+            second: number of the second, shape (k,).
+        """
+        T_first, T = poses[number, first], poses[number, second]
+        centres = (T_first[:, :3, :3] @ self.centres[first, :, None])[..., 0] + T_first[:, :3, 3]
+        apart = centres - T[:, :3, 3]
+        inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
+        outside = np.maximum(self.lowest[second] - inside, inside - self.highest[second])
+        distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+        gaps: FloatArray = distances - self.ball_radii[first]
+        return gaps
+
+    def with_those_of(self, geometries: list[coal.CollisionGeometry]) -> Covers:
+        """These covers, followed by those around more shapes."""
+        added = Covers.of(geometries)
+        return Covers(*(np.concatenate(both) for both in zip(self, added, strict=True)))
+
+    @classmethod
+    def of(cls, geometries: list[coal.CollisionGeometry]) -> Covers:
+        """The covers around some shapes."""
+        lowest, highest = (np.empty((len(geometries), 3)) for _ in range(2))
+        axes, radii = np.zeros((len(geometries), 3)), np.empty(len(geometries))
+        for number, geometry in enumerate(geometries):
+            if geometry.aabb_radius < 0.0:  # not computed yet; slow for thousands of triangles
+                geometry.computeLocalAABB()
+            box = geometry.aabb_local
+            lowest[number], highest[number] = box.min_, box.max_
+            half = (highest[number] - lowest[number]) / 2
+            axes[number], radii[number] = _capsule(geometry, half)
+        centres = (lowest + highest) / 2
+        ends = np.stack([centres - axes, centres + axes], axis=1)
+        lengths = np.linalg.norm(axes, axis=1)
+        round_ends = np.array([isinstance(g, coal.Cylinder | coal.Sphere) for g in geometries])
+        balls = np.where(round_ends, np.hypot(lengths, radii), 0.0)
+        balls = np.where(round_ends, balls, np.linalg.norm(highest - lowest, axis=1) / 2)
+        return cls(lowest, highest, centres, balls, ends, radii)
+
+
+def _capsule(geometry: coal.CollisionGeometry, half: FloatArray) -> tuple[FloatArray, float]:
+    """The vector from centre to end, shape (3,), m, and the radius of a capsule around a shape."""
+    axis = np.zeros(3)
+    if isinstance(geometry, coal.Sphere):
+        return axis, float(geometry.radius)
+    if isinstance(geometry, coal.Cylinder):
+        axis[2] = geometry.halfLength
+        return axis, float(geometry.radius)
+    longest = int(half.argmax())
+    axis[longest] = half[longest]
+    return axis, float(np.linalg.norm(half - axis))
+
+
+def placed_points(poses: FloatArray, points: FloatArray) -> FloatArray:
+    """Points in n frames, shape (n, k, 3), at poses (m, n, 4, 4), seen from base: (m, n, k, 3)."""
+    return points @ poses[..., :3, :3].swapaxes(-1, -2) + poses[..., None, :3, 3]
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """A closed surface around what a shape of triangles encloses.
+    """A closed surface around the volume that a shape of triangles encloses.
 
     Attributes:
-        vertices: shape (n, 3), m, in the shape's own frame; none where it encloses nothing.
+        vertices: shape (n, 3), m, in the shape's own frame; empty where it encloses nothing.
         triangles: shape (m, 3), turned outwards.
     """
 
@@ -67,12 +149,12 @@ class Enclosure:
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The corners of the box around what it encloses; the wrong way round for nothing."""
+        """The corners of the bounding box; infinite and reversed where it encloses nothing."""
         return self.vertices.min(axis=0, initial=np.inf), self.vertices.max(axis=0, initial=-np.inf)
 
     @classmethod
     def none(cls) -> Enclosure:
-        """Nothing counts as inside."""
+        """The enclosure of a surface without inside."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
 
     def winds_about(self, point: FloatArray) -> bool:
@@ -92,7 +174,7 @@ class Enclosure:
 
 
 class Distances:
-    """Distances of pairs of shapes, at poses that are set; not to be shared between threads.
+    """Distances of pairs of shapes at given poses; not to be shared between threads.
 
     Attributes:
         is_slow: whether a pair has triangles, shape (pairs,).
@@ -106,14 +188,14 @@ class Distances:
         pairs: Sequence[tuple[int, int]],
         padding_m: Sequence[float],
     ) -> None:
-        """For pairs of shapes of a geometry model.
+        """Store the shapes, which coal refers to by bare pointers.
 
         Args:
-            geometry: the shapes; kept alive here, as coal keeps bare pointers.
-            enclosures: of each shape of triangles what it encloses; None for a convex one.
-            pieces: of some shapes of triangles, convex ones on the same joint that contain them.
+            geometry: the shapes.
+            enclosures: the enclosure of each shape of triangles; None for a convex shape.
+            pieces: for some shapes of triangles, convex shapes on the same joint that contain them.
             pairs: numbers of two shapes each.
-            padding_m: what is subtracted from the distance of each pair.
+            padding_m: amount subtracted from the distance of each pair.
         """
         self._pairs, self._padding_m, self._pieces = pairs, padding_m, pieces
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
@@ -121,58 +203,47 @@ class Distances:
         is_slow = [any(enclosures[i] is not None for i in pair) for pair in pairs]
         self.is_slow: NDArray[np.bool_] = np.array(is_slow, dtype=np.bool_)
         self._functors: dict[tuple[int, int], coal.ComputeDistance] = {}
-        self._easy_m: dict[int, float] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self._poses = np.zeros((0, 4, 4))
         self._placed: list[coal.Transform3s | None] = []
 
     def place(self, poses: FloatArray) -> None:
-        """Bring the shapes to poses in base, shape (n, 4, 4)."""
+        """Set the poses of all shapes in base, shape (n, 4, 4)."""
         self._poses = poses
         self._placed = [None] * len(poses)
 
-    def measure(self, pair: int, within_m: float = np.inf, exact_below_m: float = np.inf) -> float:
-        """The distance of a pair; where it is not less than `within_m`, that or more.
+    def measure(self, pair: int, within_m: float = np.inf) -> float:
+        """The distance of a pair; where it is not less than `within_m`, that or a larger value.
 
-        Where it is not less than `exact_below_m`, it may be a lower bound that is not either.
-        Negative when they are inside each other, as far as triangles can tell that.
+        Negative when the two are inside each other, as far as triangles have a depth.
         """
         first, second = self._pairs[pair]
         padding_m: float = self._padding_m[pair]
         if self._enclosures[first] is None and self._enclosures[second] is None:
             return self._distance(first, second, np.inf) - padding_m
-        easy_m = self._easy_m.get(pair, FIRST_M)
-        ask_m = min(within_m, max(exact_below_m, easy_m))
-        for inside_m in self._of_pieces(first, second):
-            if inside_m - padding_m >= min(ask_m, exact_below_m):
-                return min(ask_m, inside_m - padding_m)
-        found = self._distance(first, second, ask_m + padding_m)
+        for bound_m in self._of_pieces(first, second):
+            if bound_m - padding_m >= within_m:
+                return within_m
+        found = self._distance(first, second, within_m + padding_m)
         if found <= 0.0:
             return -self._depth(first, second) - padding_m
-        if found < ask_m + padding_m:
-            self._easy_m[pair] = EASY * (found - padding_m)
-            return found - padding_m
-        self._easy_m[pair] = max(easy_m, BOLDER * ask_m)
-        return ask_m
+        return found - padding_m if found < within_m + padding_m else within_m
 
     def is_within(self, pair: int) -> bool:
-        """Whether one shape of a pair is wholly inside what the other encloses.
-
-        Asked where their triangles do not touch.
-        """
+        """Whether one of two shapes that do not touch is wholly inside the other's enclosure."""
         first, second = self._pairs[pair]
         return self._encloses(first, second) or self._encloses(second, first)
 
     def points(self, pair: int, distance_m: float) -> FloatArray:
-        """The two points of a pair's shapes where they are nearest, in base, shape (2, 3), m.
+        """The nearest points of a pair's two shapes, in base, shape (2, 3), m.
 
-        Their distance is that of the pair, and the padding. Where the shapes are inside each other
-        it is twice a point where they touch, as far as that can be told.
+        Their distance is that of the pair plus the padding. Where the shapes are inside each other,
+        both are one point of their contact, as far as it is known.
 
         Args:
-            pair: which one.
-            distance_m: as `measure` found it, without a bound.
+            pair: number of the pair.
+            distance_m: result of `measure` without `within_m`.
         """
         first, second = self._pairs[pair]
         if distance_m + self._padding_m[pair] <= 0.0:
@@ -199,13 +270,13 @@ class Distances:
         return enclosure.winds_about(T[:3, :3].T @ (point_base - T[:3, 3]))
 
     def _of_pieces(self, first: int, second: int) -> Iterator[float]:
-        """How far what contains one of two shapes is from the other, where there is such."""
+        """Distances from each of two shapes to the pieces that contain the other, where known."""
         for around, other in ((first, second), (second, first)):
             if around in self._pieces and self._enclosures[other] is None:
                 yield min(self._distance(piece, other, np.inf) for piece in self._pieces[around])
 
     def _distance(self, first: int, second: int, within_m: float) -> float:
-        """Without padding; where it is not less than `within_m`, that."""
+        """The distance without padding, or `within_m` where it is not less."""
         pair = first, second
         if pair not in self._functors:
             self._functors[pair] = coal.ComputeDistance(self._shapes[first], self._shapes[second])
@@ -218,7 +289,7 @@ class Distances:
         return found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
 
     def _depth(self, first: int, second: int) -> float:
-        """How deep pieces are in a convex shape, or some triangle in a shape; at least that."""
+        """A lower bound on the depth: of pieces in a convex shape, or of a triangle in a shape."""
         for distance_m in self._of_pieces(first, second):
             return max(-distance_m, 0.0)
         request, result = coal.CollisionRequest(), coal.CollisionResult()

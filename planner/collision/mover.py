@@ -1,8 +1,8 @@
 """Mover: the arms that move, as one list of joints and as one serial chain.
 
 Rows of separation hold for a serial chain (`planner.certificate.rows`). Two arms on one base are
-such a chain, too, if one walks from base along the left arm to its hand, back to base, and along
-the right arm: any two links are met one after the other, with all joints between them on the way.
+such a chain, too, along the walk from base to the left hand, back to base, and to the right hand:
+it passes any two links one after the other, and all joints between them.
 
 Let S_j be the pose of joint j of the left arm at position 0, seen from joint j - 1. Its frame is
 F_j = F_(j-1) S_j Z(q_j), where Z is a rotation about z. On the way back, take for link j the frame
@@ -11,10 +11,10 @@ G_j = F_j S_(j+1), which is fixed to the link; S_8 = 1, and G_0 is fixed to base
     G_j^-1 G_(j-1) = S_(j+1)^-1 F_j^-1 F_(j-1) S_j = S_(j+1)^-1 Z(-q_j),
 
 a constant pose followed by a rotation about z by -q_j. A joint that is passed backwards is
-therefore a joint like any other, with the same speed and acceleration, and at the right arm's first
-joint the constant pose is G_0^-1 F_0 S_1 of that arm. All that is proven of serial chains holds for
-the walk; the bounds of `planner.certificate.motion.carried` need only speeds, accelerations, and
-the distances from each joint to the next.
+therefore an ordinary joint with the same speed and acceleration, and at the right arm's first joint
+the constant pose is G_0^-1 F_0 S_1 of that arm. All proofs for serial chains hold for the walk; the
+bounds of `planner.certificate.motion.carried` need only speeds, accelerations, and the distances
+from each joint to the next.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from planner.prover.kernel import Chain
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mover:
-    """Arms that move together. Their joints are in a row, the left arm's before the right arm's.
+    """Arms that move together; the left arm's joints come before the right arm's.
 
     Attributes:
-        arms: in this order.
+        arms: one arm, or the left and the right.
     """
 
     arms: tuple[Arm, ...]
 
     @classmethod
     def of(cls, *arms: Arm) -> Mover:
-        """One arm, or both in any order."""
+        """The mover of one arm, or of both in any order."""
         return cls(tuple(sorted(arms, key=lambda arm: LIMBS.index(arm.side))))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The names of all joints, n in all."""
+        """The names of all joints, J in number."""
         return tuple(name for arm in self.arms for name in arm.joint_names)
 
     @property
     def limits(self) -> JointLimits:
-        """The limits of all joints; their origins are those of the first arm."""
+        """The limits of all joints, with the origins of the first arm's."""
         each = [arm.limits for arm in self.arms]
         q_min, q_max, v_max, a_max, j_max = (
             np.concatenate([getattr(limits, name) for limits in each])
@@ -66,17 +66,17 @@ class Mover:
 class Walk(NamedTuple):
     """The serial chain of a mover: along its arm, or along the left arm, back, and along the right.
 
-    Base and the links of the left arm are met twice then: outbound and on the way back.
+    With two arms, it passes base and the links of the left arm twice: outbound and on the way back.
 
     Attributes:
         chain: the joints in order, n of them.
-        joints: the joint of the mover that each of them is, shape (n,).
+        joints: number of each joint in the mover, shape (n,).
         signs: 1, or -1 for a joint that is passed backwards, shape (n,).
-        levels: the joints of the chain that carry base and the links of the mover's J joints,
-            outbound and, with two arms, on the way back, shape (1 or 2, J + 1); 0 for base, -1 for
-            a link that is not met.
-        T_level_link: poses of base and of these joints' frames as the mover has them, seen from
-            the joints of the chain that carry them, shape (1 or 2, J + 1, 4, 4).
+        levels: numbers, counted from 1, of the joints of the chain that carry base and the links of
+            the mover's J joints, outbound and, with two arms, on the way back, shape
+            (1 or 2, J + 1); 0 for base, -1 for a link that is not passed.
+        T_level_link: poses of base and of the frames of the mover's joints, seen from the joints of
+            the chain that carry them, shape (1 or 2, J + 1, 4, 4).
     """
 
     chain: Chain
@@ -112,16 +112,16 @@ class Walk(NamedTuple):
         )
 
     def along(self, q: FloatArray) -> FloatArray:
-        """Positions of the chain's joints by those of the mover's, or derivatives, (..., n)."""
+        """Positions of the chain's joints, (..., n), from the mover's, (..., J), or derivatives."""
         found: FloatArray = self.signs * q[..., self.joints]
         return found
 
 
 def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
-    """The chain with frames that are turned so that each joint is about z.
+    """The same chain with frames turned such that each joint rotates about z.
 
     Returns:
-        The chain, and poses of base and the joints' frames seen from the new ones, shape
+        The chain, and the poses of base and the joints' old frames seen from the new ones, shape
         (n + 1, 4, 4).
     """
     z = chain.axes
@@ -135,7 +135,7 @@ def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
 
 
 def homogeneous(R: FloatArray, p: FloatArray | float = 0.0) -> FloatArray:
-    """Transforms by rotations, shape (n, 3, 3), and translations, shape (n, 3), shape (n, 4, 4)."""
+    """Transforms, shape (n, 4, 4), of rotations, (n, 3, 3), and translations, (n, 3)."""
     T = np.tile(np.eye(4), (len(R), 1, 1))
     T[:, :3, :3], T[:, :3, 3] = R, p
     return T

@@ -1,11 +1,11 @@
-"""Obstacles: what stands around an arm, as linear bounds on distances near a motion.
+"""Obstacles: linear bounds on distances near a motion, for motion programs.
 
-Shapes are taken as their convex hulls, which contain them: their distance is exact, has a direction
-also inside each other, and costs microseconds. Near a configuration it changes by what brings the
-nearest points together (Schulman et al., "Motion planning with sequential convex optimization and
-convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In each interval of a
-motion it is bounded where it is least. A proof is another matter
-(`planner.collision.continuous.proof`).
+Shapes are represented by their convex hulls, which contain them: the distance of hulls is exact,
+has a direction also inside each other, and costs microseconds. Near a configuration it changes by
+the approach of the nearest points (Schulman et al., "Motion planning with sequential convex
+optimization and convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In
+each interval of a motion it is bounded where it is smallest. These bounds are no proof, which is
+`planner.collision.proof`.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.motion_bounds import Placed
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
+from planner.collision.motion_bounds import Placed
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 from planner.splines import weights_at
 
 PAIRS = 6
-"""Of shapes, whose distances are bounded at one time: the nearest ones."""
+"""Number of pairs whose distances are bounded at one time: the nearest ones."""
 
 REACH_M = 0.15
-"""Farther pairs are not bounded: none comes so near from one solution to the next."""
+"""Distance of pairs that are not bounded: none approaches by this between two solutions."""
 
 KEPT_SHARE = 0.5
-"""How much is kept of a distance that is less than the margin where the arm rests."""
+"""Share that is kept of a distance smaller than the margin where the arm rests."""
 
 DEEPER_M = 1e-3
-"""How much deeper a hull may get inside one of the scene than it is where the arm rests. Hulls of
-the robot's own links, which are often inside each other, count for nothing then."""
+"""Maximum increase of the depth of a hull in one of the scene, relative to where the arm rests.
+Hulls of the robot's own links that are inside each other, as is common, are not bounded."""
 
-LOOKS = 4
-"""How often an interval is looked at."""
+SAMPLES = 4
+"""Number of samples of an interval."""
 
 
 class LinearBounds(NamedTuple):
-    """Bounds on what distances exceed what is needed by, in n intervals.
+    """Bounds on the excess of distances over the required ones, in n intervals.
 
     Attributes:
-        weights: of the four controls where they are asked for, shape (n, 4).
-        numbers: slopes by the joints, m/rad, and offsets, m, shape (n, PAIRS, J + 1).
-        excess_m: the least excess, over all intervals; `REACH_M` where nothing is as near.
+        weights: of the four controls at the time of each bound, shape (n, 4).
+        numbers: derivatives by the joints, m/rad, and offsets, m, shape (n, PAIRS, J + 1).
+        excess_m: the smallest excess in all intervals; `REACH_M` where nothing is that near.
     """
 
     weights: FloatArray
@@ -54,21 +54,21 @@ class LinearBounds(NamedTuple):
 
 
 class Obstacles:
-    """Those of one situation.
+    """The obstacles of one situation.
 
     Attributes:
-        needed_m: what each pair shall keep, shape (pairs,); minus infinity where nothing is asked.
+        needed_m: required distance of each pair, shape (pairs,); minus infinity for none.
     """
 
     def __init__(
         self, checker: ClearanceChecker, q_others: FloatArray, resting: FloatArray, margin_m: float
     ) -> None:
-        """Take the shapes, and look how near they are where the arm rests.
+        """Measure the distances of the shapes where the arm rests.
 
         Args:
             checker: of the situation.
-            q_others: a full configuration, which says where all joints but the arm's stand.
-            resting: configurations at which the arm rests in it, shape (k, J), rad.
+            q_others: a full configuration for all joints but the arm's.
+            resting: configurations at which the arm rests, shape (k, J), rad.
             margin_m: distance to keep, as far as it is kept there.
         """
         self._motion_bounds, self._checked = checker.motion_bounds, checker.checked
@@ -88,24 +88,24 @@ class Obstacles:
             self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
     def bounds(self, controls: FloatArray) -> LinearBounds:
-        """Near a motion by its controls, shape (n + 3, J)."""
-        fractions = np.arange(LOOKS) / LOOKS
+        """Bounds near a motion by its controls, shape (n + 3, J)."""
+        fractions = np.arange(SAMPLES) / SAMPLES
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, J, 4
         intervals = len(windows)
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, controls.shape[1])
         placed = self._motion_bounds.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
         least = np.full(len(qs), REACH_M)
-        for first in range(0, len(qs), LOOKS):
+        for first in range(0, len(qs), SAMPLES):
             within_m = REACH_M
-            for k in range(first, first + LOOKS):
+            for k in range(first, first + SAMPLES):
                 for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
                     least[k] = within_m = min(within_m, excess)
-        deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
+        deepest = least.reshape(intervals, SAMPLES).argmin(axis=1)
         numbers = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
         numbers[:, :, -1] = REACH_M
         axes = self._motion_bounds.axes(placed)
-        for interval, k in enumerate((LOOKS * np.arange(intervals) + deepest).tolist()):
+        for interval, k in enumerate((SAMPLES * np.arange(intervals) + deepest).tolist()):
             if least[k] < REACH_M:
                 for row, (excess, i) in enumerate(self._nearest(placed, k, gaps[k], PAIRS)):
                     slope = self._slope(placed, k, i, axes[k])
@@ -130,9 +130,9 @@ class Obstacles:
     def _nearest(
         self, placed: Placed, k: int, gaps: FloatArray, most: int, within_m: float = REACH_M
     ) -> list[tuple[float, int]]:
-        """The least excesses at a configuration, up to so many, and of which pairs.
+        """Up to `most` smallest excesses at a configuration, and the numbers of their pairs.
 
-        Pairs whose lower bounds, `gaps`, are not within a distance are not measured for it.
+        Pairs whose lower bounds, `gaps`, are not below `within_m` are excluded.
         """
         found: list[tuple[float, int]] = []
         near = np.flatnonzero(gaps < within_m)
@@ -154,7 +154,7 @@ class Obstacles:
         return found - float(self._padding_m[i])
 
     def _pose(self, placed: Placed, k: int, shape: int) -> coal.Transform3s:
-        """Made once for as long as the same configuration is asked for."""
+        """The pose of a shape as coal's; kept until another configuration is needed."""
         if self._posed is not placed.shapes or self._at != k:
             self._posed, self._at, self._poses = placed.shapes, k, {}
         if shape not in self._poses:
@@ -163,7 +163,7 @@ class Obstacles:
         return self._poses[shape]
 
     def _slope(self, placed: Placed, k: int, i: int, axes: FloatArray) -> FloatArray:
-        """Of a distance at a configuration, by the joints, shape (J,)."""
+        """Derivative of a distance by the joints at a configuration, shape (J,), m/rad."""
         self._distance(placed, k, i)
         origins = placed.joints[k, :, :3, 3]
         x, y, z = np.array(self._result.normal)

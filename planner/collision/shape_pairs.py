@@ -1,8 +1,8 @@
-"""Pairs of shapes: which are checked in a situation, and what each pair may do.
+"""Pairs of shapes: which are checked in a situation, and the distance that each must keep.
 
-Pinocchio and coal work on one geometry model: the robot's shapes, the bodies of the scene, and the
-body in the hand. A model is built for each situation and never changed afterwards, because adding
-shapes to one in use corrupts its memory.
+Pinocchio and coal use one geometry model: the robot's shapes, the bodies of the scene, and the
+body in the hand. `ShapePairs` builds the model for a situation; `CheckedPairs` is the result, which
+never changes, because adding shapes to a model in use corrupts its memory.
 """
 
 from __future__ import annotations
@@ -19,58 +19,54 @@ from numpy.typing import NDArray
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
-from planner.collision.covers import Covers
-from planner.collision.distances import Distances, Enclosure
+from planner.collision.distances import Covers, Distances, Enclosure
 from planner.collision.robot.cluster_trees import ClusterTree, tree_of_part
-from planner.collision.robot.link_shapes import LinkShape
-from planner.collision.robot.robot_shapes import RobotShapes
+from planner.collision.robot.robot_shapes import LinkShape, RobotShapes
 from planner.scene.bodies import Body, Scene, Shape
-from planner.scene.contact import (
-    PRESSING_TOLERANCE_M,
-    PartContact,
-    coal_shape,
-    convex_pieces,
-    has_depth,
-)
+from planner.scene.coal_shapes import coal_shape, convex_pieces, has_depth
+from planner.scene.contact import PRESSING_TOLERANCE_M, PartContact
 
 Supports: TypeAlias = Set[PartContact | str]
-"""What a held or pushed body may touch: parts that touch, or bodies of which any part may."""
+"""What a held or pushed body may touch: pairs of parts, or any part of the named bodies."""
 
 
 class ShapePairs:
-    """The shapes of a situation, and the pairs of them that are checked, while it is built.
+    """Builds the shapes of a situation, and the pairs of them that are checked.
 
     Attributes:
-        geometry: all shapes, without pairs; the robot's first, as `RobotShapes` numbers them.
+        geometry: all shapes, without pairs; the robot's come first, as `RobotShapes` numbers them.
         numbers: the shapes of every pair.
-        made: all shapes, and what is known of each.
-        needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
-            the pair -> the distance that it must exceed, negative for a contact that may press.
-        wholes: for each shape, the number of the one that stands for all that it is a piece of.
-        shapes: of parts of bodies, by the numbers that stand for them.
+        made: all shapes with their properties.
+        needs_m: for pairs that need not keep the margin: number of the pair -> the distance that it
+            must exceed, negative for a contact that may press.
+        wholes: for each shape, the number of the shape that represents the whole link or part.
+        shapes: number of a whole part of a body -> its shape.
     """
 
     def __init__(self, shapes: RobotShapes, arm: Arm) -> None:
-        """For an arm, its own pairs among them."""
+        """Begin with the pairs of an arm and its robot."""
         self._robot, self._arm = shapes, arm
         self.geometry: pin.GeometryModel = shapes.model.copy()
         self.numbers: list[tuple[int, int]] = list(shapes.pairs_of(arm))
         self.made: list[LinkShape] = list(shapes.made)
         self.needs_m: dict[int, float] = {}
-        self._part_of: dict[int, int] = {}  # shape of a body -> number of its part
+        self._part_of: dict[int, int] = {}  # number of a body's shape -> number of its part
         self.wholes: list[int] = list(shapes.whole_of)
         self.shapes: dict[int, Shape] = {}
 
     def add_scene(
         self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Supports
     ) -> dict[str, list[int]]:
-        """Add bodies that stand still, and their pairs with the arm; gives the shapes of each.
+        """Add bodies that do not move, and their pairs with the arm.
 
         Args:
             scene: the bodies.
-            touchable: name of the one that the hand may come near.
-            may_press: whether its pads may touch it.
-            supports: what another body may touch of them.
+            touchable: name of the body that the hand may come near.
+            may_press: whether the pads may touch it.
+            supports: what a held or pushed body may touch.
+
+        Returns:
+            The numbers of each body's shapes.
         """
         supporting = _names_of(supports)
         shapes, arm = self._robot, self._robot.of_arm(self._arm)
@@ -91,13 +87,13 @@ class ShapePairs:
     def add_held(
         self, body: Body, T_tip_body: pin.SE3, bodies: Mapping[str, list[int]], supports: Supports
     ) -> None:
-        """Add what is in the hand, and its pairs with the robot and with bodies by their shapes.
+        """Add the held body, and its pairs with the robot and with other bodies.
 
         Args:
-            body: what is held.
+            body: the body.
             T_tip_body: its pose seen from the tip.
-            bodies: the shapes of all others.
-            supports: what it may touch of them.
+            bodies: the numbers of the other bodies' shapes.
+            supports: what it may touch.
         """
         robot = self._robot.robot.model
         tip = robot.frames[robot.getFrameId(self._arm.tip_frame)]
@@ -110,7 +106,7 @@ class ShapePairs:
     def pair_with_all(
         self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Supports
     ) -> None:
-        """Check a shape of a body against links and other bodies, some of which it may touch."""
+        """Add the pairs of a body's shape with links and bodies, some of which it may touch."""
         for link in sorted(links):
             self.pair(index, link)
         part = self._part_of[index]
@@ -123,7 +119,7 @@ class ShapePairs:
     def _add(
         self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool = False
     ) -> list[int]:
-        """Add a body's shapes; in convex pieces where a depth must be known, as in contacts."""
+        """Add a body's shapes, in convex pieces where depths must be known, as in contacts."""
         added = []
         for number, part in enumerate(body.parts):
             placement = T_joint_body * part.T_body_part
@@ -141,13 +137,13 @@ class ShapePairs:
         return added
 
     def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
-        """Check a pair: against the margin, or against a distance of its own."""
+        """Add a pair that must keep the margin, or a distance of its own."""
         if need_m is not None:
             self.needs_m[len(self.numbers)] = need_m
         self.numbers.append((first, second))
 
     def built(self) -> CheckedPairs:
-        """What is checked; nothing may be added any more."""
+        """The pairs; nothing may be added afterwards."""
         return CheckedPairs(self, self._robot)
 
 
@@ -157,20 +153,20 @@ def _names_of(supports: Supports) -> frozenset[str]:
 
 
 class CheckedPairs:
-    """Pairs of shapes whose distances count in one situation.
+    """The pairs of shapes that are checked in one situation.
 
     Attributes:
         geometry: all shapes, without pairs.
         covers: simple shapes around them.
-        numbers: the shapes of every pair, shape (n, 2).
-        needs_m: what the distance of a pair must exceed where that is not the margin, shape (n,);
-            NaN for all others.
-        padding_m: what is subtracted from the distance of a pair, shape (n,), because its shapes
-            count as thicker than they are.
+        numbers: the two shapes of every pair, shape (n, 2).
+        needs_m: distance that each pair must exceed where that is not the margin, shape (n,); NaN
+            for all others.
+        padding_m: amount subtracted from the distance of each pair for the thickness of its
+            shapes, shape (n,).
         distances: of the pairs, less the padding.
-        outside_m: how far outside each shape what it stands for may be, shape (shapes,).
-        thicker_m: by how much each shape counts as thicker than it is where it must not touch
-            anything, shape (shapes,).
+        outside_m: maximum distance of a link's mesh outside each shape, shape (shapes,).
+        thicker_m: additional thickness of each shape where it must not touch anything, shape
+            (shapes,).
     """
 
     def __init__(self, built: ShapePairs, robot: RobotShapes) -> None:
@@ -196,11 +192,8 @@ class CheckedPairs:
         )
 
     @cached_property
-    def alike(self) -> Indices:
-        """For each pair, the number of the first between the same wholes, shape (n,).
-
-        Pairs with different needs are not alike.
-        """
+    def representatives(self) -> Indices:
+        """For each pair, the number of the first pair of the same wholes and need, shape (n,)."""
         whole = np.array(self._wholes, dtype=np.intp)[self.numbers]
         columns = [*whole.T, np.nan_to_num(self.needs_m, nan=np.inf)]
         _, first, kind = np.unique(columns, axis=1, return_index=True, return_inverse=True)
@@ -208,7 +201,7 @@ class CheckedPairs:
         return found
 
     def tree(self, index: int) -> ClusterTree:
-        """The clusters of the whole link or part that a shape is, or is a piece of."""
+        """The tree of clusters of the whole link or part that a shape belongs to."""
         whole = self._wholes[index]
         shape = self._shapes.get(whole)
         return self._robot.trees[whole] if shape is None else tree_of_part(shape)
@@ -219,7 +212,7 @@ class CheckedPairs:
         return ~np.isnan(self.needs_m)
 
     def needed_m(self, margin_m: float) -> FloatArray:
-        """What the distance of every pair must exceed when a margin is asked for, shape (n,)."""
+        """The distance that every pair must exceed when others keep a margin, shape (n,), m."""
         return np.where(self.is_contact, self.needs_m, margin_m)
 
     def gaps_m(self, poses: FloatArray, number: Indices, pair: Indices) -> FloatArray:
@@ -227,12 +220,12 @@ class CheckedPairs:
 
         Args:
             poses: of all shapes in base, shape (m, n, 4, 4).
-            number: which of the m, shape (k,).
-            pair: which pair there, shape (k,).
+            number: number of the poses that each pair is at, shape (k,).
+            pair: number of each pair, shape (k,).
         """
         return self.covers.gaps_m(poses, number, *self.numbers[pair].T) - self.padding_m[pair]
 
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
-        """A distance of a pair, by its names."""
+        """The clearance of a pair with a distance."""
         first, second = (self._made[number].link for number in self.numbers[pair])
         return Clearance(float(distance_m), first, second, time_s)

@@ -1,4 +1,4 @@
-"""Hands, what they hold, and how their fingers travel."""
+"""Hands, the grasps they make, and the travel of their fingers."""
 
 from __future__ import annotations
 

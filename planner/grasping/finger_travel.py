@@ -1,14 +1,14 @@
-"""Finger travel: both fingers open or close while the arm stands, proven clear on the whole way.
+"""Finger travel: proof that fingers which open or close while the arm rests are clear.
 
-On a way of the fingers shapes slide evenly along the closing axis: those of a finger as far as it
-goes, and a body as far as a finger pushes it. So the gap along any direction changes evenly, too,
-and rows of separation need no bound on what happens between their ends
-(`planner.collision.continuous.proof`).
+While the fingers travel, shapes slide at constant speed along the closing axis: those of a finger
+with it, and a body that a finger pushes. So the gap along any direction changes linearly, too, and
+rows of separation need no bound on the sag between their ends
+(`planner.collision.proof`).
 
-A closing hand goes two stretches. On the first the body stands between the fingers, as it is found.
-On the second one finger pushes it along, until the other meets it (`planner.grasping.grasp`). What
-a body does when it is let go a little above its support, at most `MAX_DROP_M` of fall, is not
-part of the proof; that the fingers are clear of it before and after is.
+A closing hand has two intervals. In the first, the body stands still between the fingers. In the
+second, one finger pushes it until the other touches it (`planner.grasping.grasp`). The fall of a
+body that is released a little above its support, of at most `MAX_DROP_M`, is not part of the proof;
+the distance of the fingers from it before and after is.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
-from planner.collision.continuous.proof import Arrangement, Motion
+from planner.collision.proof import Arrangement, Motion
 from planner.collision.shape_pairs import ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
@@ -32,23 +32,23 @@ from planner.scene.contact import PartContact, part_contacts
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
-that no hand of this size reaches; Rethink gives no figure for the force-limited default."""
+that no hand of this size reaches; Rethink publishes none for the force-limited default."""
 
 MIN_PUSH_M = 1e-9
-"""A body pushed by less was not; both pads touch it at once."""
+"""A smaller push counts as none: both pads touch the body at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerTravel:
-    """One stretch of the fingers' way.
+    """One interval of the fingers' travel.
 
     Attributes:
-        scene: the bodies that stand still meanwhile.
-        begin_m: finger position where it begins, 0 .. stroke.
-        end_m: finger position where it ends.
+        scene: all bodies; they stand still, except for a pushed one.
+        begin_m: finger position at the beginning, 0 .. stroke.
+        end_m: finger position at the end.
         touchable: name of the body that the pads may press on.
-        pushed_m: how far a finger pushes that body along y of the tip meanwhile.
-        supports: what that body may touch then.
+        pushed_m: distance that a finger pushes that body along y of the tip.
+        supports: the contacts that the pushed body may have.
     """
 
     scene: Scene
@@ -62,24 +62,24 @@ class FingerTravel:
 def closing_travel(
     scene: Scene, name: str, opening_m: float, grasp: Grasp
 ) -> tuple[FingerTravel, ...]:
-    """The stretches on which a hand that is so far open closes on a body, by its name."""
-    touch_m = min(opening_m, grasp.finger_m + abs(grasp.push_m))  # may begin pressed in a little
-    coming = FingerTravel(scene, opening_m, touch_m, name)
+    """The intervals of a hand that closes from an opening on a body, given by its name."""
+    touch_m = min(opening_m, grasp.finger_m + abs(grasp.push_m))  # pads may press from the start
+    free = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= MIN_PUSH_M:
-        return (coming,)
+        return (free,)
     supports = part_contacts(scene[name], scene)
-    return coming, FingerTravel(scene, touch_m, grasp.finger_m, name, grasp.push_m, supports)
+    return free, FingerTravel(scene, touch_m, grasp.finger_m, name, grasp.push_m, supports)
 
 
 class TravelCheck:
-    """The shapes of one stretch, and the pairs of them that the fingers bring nearer."""
+    """The shapes of one interval, and the pairs whose distance changes with the fingers."""
 
     def __init__(self, manipulator: Manipulator, travel: FingerTravel) -> None:
         """Build the geometry.
 
         Args:
-            manipulator: the arm, its hand, and where all other joints stand.
-            travel: the stretch.
+            manipulator: the arm, its hand, and the positions of all other joints.
+            travel: the interval.
         """
         self._manipulator, self._travel = manipulator, travel
         shapes, arm = manipulator.shapes, manipulator.arm
@@ -96,30 +96,30 @@ class TravelCheck:
         slides = np.zeros(len(pairs.made), np.intp)
         for number, finger in enumerate(shapes.of_fingers(arm)):
             slides[list(finger)] = number + 1
-        slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes it
+        slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes
         self._levels = np.where(slides > 0, 1, 0)
         self._checked = pairs.built()
         first, second = slides[self._checked.numbers].T
         self._nearing: Indices = np.flatnonzero(first != second)
 
     def at(self, q: FloatArray, margin_m: float) -> ContinuousResult:
-        """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
+        """A proof for an arm that rests at `q`, shape (7,), rad, or what prevents it."""
         T_base_tip = self._manipulator.arm.T_base_tip(q)
         return self._result(self._poses(q), T_base_tip, margin_m, self._nearing)
 
     def contact_above(self, T_base_tip: pin.SE3, margin_m: float) -> ContinuousContact | None:
-        """What speaks against it for a hand alone whose tip is there, among the scene's bodies.
+        """The contact of a hand alone, its tip at a pose, with the scene's bodies, if there is one.
 
-        The shapes by which configurations are sampled are somewhat larger than the links; they must
-        have room as well.
+        The hand is as thick as the shapes of sampled configurations, which are slightly larger than
+        the links.
         """
         arm = self._manipulator.arm
         hand = sorted(self._manipulator.shapes.of_hand(arm))
         poses = self._poses(arm.neutral)
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[hand] = T @ poses[hand]
-        is_asked = np.isin(self._checked.numbers[self._nearing], [*hand, *self._scene]).all(axis=1)
-        numbers = self._nearing[is_asked]
+        shapes = self._checked.numbers[self._nearing]
+        numbers = self._nearing[np.isin(shapes, [*hand, *self._scene]).all(axis=1)]
         result = self._result(poses, T_base_tip, margin_m, numbers, self._checked.outside_m)
         return result if isinstance(result, ContinuousContact) else None
 
@@ -153,7 +153,7 @@ class TravelCheck:
         return arrangement.prove(Motion(np.zeros(1), duration_s, at), margin_m, numbers)
 
     def _poses(self, q: FloatArray) -> FloatArray:
-        """Poses of all shapes where the fingers begin, shape (n, 4, 4)."""
+        """Poses of all shapes at the beginning, seen from base, shape (n, 4, 4)."""
         robot, geometry = self._manipulator.robot.model, self._checked.geometry
         data, placed = robot.createData(), geometry.createData()
         full = next(self._manipulator.configurations(q[None], self._travel.begin_m))
@@ -163,7 +163,7 @@ class TravelCheck:
 
 @lru_cache(maxsize=16)
 def travel_check(manipulator: Manipulator, travel: FingerTravel) -> TravelCheck:
-    """Made once: what is looked at for the hand alone is proven for the arm afterwards."""
+    """The check of an interval, made once for the hand alone and for the arm."""
     return TravelCheck(manipulator, travel)
 
 
@@ -174,13 +174,13 @@ def prove_travel(
     *,
     margin_m: float = 0.0,
 ) -> ContinuousResult:
-    """A proof that the fingers' whole way is clear, stretch by stretch, or what speaks against it.
+    """A proof that the fingers' whole travel is clear, or the contact that prevents it.
 
     Args:
-        manipulator: the arm, its hand, and where all other joints stand.
-        travels: the stretches, at least one.
-        q: where the arm stands, shape (7,), rad.
-        margin_m: distance that every pair shall keep, all but those of hand and grasped body.
+        manipulator: the arm, its hand, and the positions of all other joints.
+        travels: the intervals, at least one.
+        q: configuration of the arm, shape (7,), rad.
+        margin_m: distance that all pairs must keep, except those of the hand and the grasped body.
     """
     results = (travel_check(manipulator, travel).at(q, margin_m) for travel in travels)
     proofs = []

@@ -1,9 +1,9 @@
-"""What comes of closing a hand on a body: a grasp, or a miss with its reason.
+"""Grasp and Miss: the two results of closing a hand on a body, and the measures behind them.
 
 The model is quasi-static and knows no forces. The pad that touches first pushes the body along the
-closing axis until the other pad touches. The body keeps its orientation: one that lies askew stays
-askew, held at two edges and wider between the pads than its faces are apart, by
-`cos(yaw) + sin(yaw)` for a cube, where real pads would turn a slightly askew one until its faces
+closing axis until the other pad touches. The body keeps its orientation: a body that lies askew
+stays askew, is held at two edges, and is wider between the pads than the distance of its faces, by
+`cos(yaw) + sin(yaw)` for a cube, where real pads would turn a slightly askew body until its faces
 are flush. It is placed with the same yaw. A closing axis that is not level lifts the pushed body,
 or presses it down, by the sine of its slope: 14 um per mm with the demo's tool.
 """
@@ -20,30 +20,31 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine, millimetres, sentence
+from baxter_kin.display import millimetres, sentence
+from baxter_kin.fields import frozen
 from baxter_kin.hints import millimetres_hint
-from baxter_kin.validation import Checked, FloatArray
+from baxter_kin.validation import FloatArray
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from planner.scene.contact import travel_to_contact
 from planner.scene.mesh import Mesh, cuboid
 
 MIN_PAD_M = 0.002
-"""With less of a pad on a body it slips off. Chosen: nobody published one for these pads."""
+"""A body with less of a pad on it slips off. Chosen: no value is published for these pads."""
 
 NEAR_EDGE_M = 0.010
 """A grasp with less of a pad on the body is near an edge: a quarter of the left hand's pads."""
 
 ROUNDING_M = 1e-12
-"""How far a point on the edge of a pad may be beside it by rounding."""
+"""Maximum distance of a point on the edge of a pad from it, due to rounding."""
 
 PLATE_M = 0.01
-"""Thickness of a plate that finds out how far a round shape reaches; any will do."""
+"""Thickness of the plate that measures the extent of a round shape; the value does not matter."""
 
 _Interval: TypeAlias = tuple[float, float]
 
 _WHOLE_M = 1e-6
-"""How much may be missing where a pad counts as wholly used, by rounding."""
+"""Maximum length missing from a pad that is used wholly, due to rounding."""
 
 
 class MissKind(str, Enum):
@@ -58,16 +59,16 @@ class MissKind(str, Enum):
     CROWDED = "several bodies between the pads"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Miss(Checked, OneLine, error=SceneError):
-    """Why a hand holds nothing after closing; `str()` of it is a phrase.
+@frozen(error=SceneError, eq=True)
+class Miss:
+    """The reason why a hand holds nothing after closing; `str()` of it is a phrase.
 
     Attributes:
         kind: the reason.
-        text: the same with names and numbers.
-        body: the body that it is about; None when there is none.
-        amount_m: the number in it: how wide, how deep in the finger, how much of a pad, or how far
-            beside the tip; None when there is none.
+        text: the reason with names and numbers.
+        body: name of the body concerned; None when there is none.
+        amount_m: the number in the text: width, depth in the finger, length of a pad on the body,
+            or distance from the tip; None when there is none.
     """
 
     kind: MissKind
@@ -82,22 +83,23 @@ class Miss(Checked, OneLine, error=SceneError):
         return (sentence(self.text),)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Grasp(Checked, OneLine, error=SceneError):
-    """Both pads touch a body.
+@frozen(error=SceneError)
+class Grasp:
+    """A body that both pads touch.
 
     Attributes:
         finger_m: finger position, 0 .. stroke.
         T_tip_body: the body's pose seen from the tip once both pads touch it.
-        width_m: distance between the pads, where these are nearest to each other: Rethink's are
-            hollow by up to 0.9 mm, so it may be less than the body is wide.
-        push_m: how far the first pad pushed the body along the closing axis before the second
+        width_m: distance between the pads where they are nearest to each other: Rethink's pads are
+            hollow by up to 0.9 mm, so it may be smaller than the body's width.
+        push_m: distance that the first pad pushed the body along the closing axis before the second
             touched; positive along y of the gripper.
-        pad_m: how much of a pad is on the body, along the shorter side of where they overlap; the
-            less of both pads.
-        centre_off_m: how far the body's centre is beside the pads, seen along the closing axis; 0
+        pad_m: length of a pad on the body, along the shorter side of their overlap; the smaller of
+            both pads.
+        centre_off_m: distance of the body's centre from the pads, seen along the closing axis; 0
             when it is between them.
-        is_near_edge: whether less than `NEAR_EDGE_M` of a pad is on a body that has room for more.
+        is_near_edge: whether less than `NEAR_EDGE_M` of a pad is on a body that is large enough for
+            more.
     """
 
     finger_m: float
@@ -121,14 +123,14 @@ class Grasp(Checked, OneLine, error=SceneError):
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """Where a pad and a body overlap, seen along the closing axis.
+    """The overlap of a pad and a body, seen along the closing axis.
 
     Both are taken as the rectangles of their extents along x and z of the gripper, which is exact
-    for boxes that lie straight in the hand and too much for round or askew ones.
+    for boxes that lie straight in the hand, and too large for round or askew shapes.
 
     Attributes:
         least_m: its shorter side; not positive when they do not overlap.
-        possible_m: what the shorter side would be with one wholly on the other.
+        possible_m: its shorter side if one were wholly on the other.
     """
 
     least_m: float
@@ -136,12 +138,12 @@ class Overlap:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the pad holds."""
+        """Whether enough of the pad is on the body to hold it."""
         return self.least_m >= MIN_PAD_M or self._is_whole
 
     @property
     def is_near_edge(self) -> bool:
-        """Whether the pad holds barely."""
+        """Whether the pad holds the body near its edge only."""
         return self.least_m < NEAR_EDGE_M and not self._is_whole
 
     @property
@@ -150,13 +152,16 @@ class Overlap:
 
     @classmethod
     def of(cls, pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
-        """The best of the touching shapes of a pad with any that touch it, seen from the tip."""
+        """The largest overlap of a pad's touching shapes with a shape that touches them.
+
+        All are seen from the tip.
+        """
         spans = [_span(pad, axis) for axis in (0, 2)]
         return max((_overlap(spans, part) for part in parts), key=lambda found: found.least_m)
 
 
 def extent(part: Part, axis: int) -> tuple[float, float]:
-    """The interval that a shape covers along an axis of the frame it is placed in, m."""
+    """The interval that a shape covers along an axis of the frame that it is placed in, m."""
     along = np.eye(3)[axis]
     T = part.T_body_part
     middle, along_part = float(T.translation[axis]), T.rotation.T @ along
@@ -164,12 +169,12 @@ def extent(part: Part, axis: int) -> tuple[float, float]:
 
 
 def width_between_m(pads: Sequence[Part], parts: Sequence[Part], gap_m: float) -> float:
-    """How much of the closing axis is covered between the pads, 0 where nothing is.
+    """The width between the pads, along the closing axis; 0 where nothing is between them.
 
-    Only what lies in front of the pads counts: shapes cut off at the rectangle of the pads along x
-    and z, of which some is less than half the gap from the middle between them. So a mug that is
-    held by its handle is as wide as the handle, and a tray that is held by its rim as the rim. Of a
-    mesh that is not convex, each triangle counts by itself.
+    Only the space in front of the pads counts: shapes are clipped to the rectangle of the pads
+    along x and z, and excluded where nothing of them is within half the gap of the middle. So a mug
+    held by its handle is as wide as the handle, and a tray held by its rim as the rim. In a mesh
+    that is not convex, each triangle counts by itself.
 
     Args:
         pads: the shapes of both pads, placed in the frame of the tip.
@@ -195,7 +200,7 @@ def _covered(part: Part, x: _Interval, z: _Interval) -> FloatArray:
 
 
 def _covered_by_round(part: Part, x: _Interval, z: _Interval) -> FloatArray:
-    """That of a cylinder or a ball: how far a plate in the rectangle gets from either side."""
+    """The same for a cylinder or a ball, found by moving a plate towards it from either side."""
     low, high = extent(part, 1)
     size = x[1] - x[0], PLATE_M, z[1] - z[0]
     ends = []
@@ -210,14 +215,14 @@ def _covered_by_round(part: Part, x: _Interval, z: _Interval) -> FloatArray:
 
 
 def _clipped(triangles: FloatArray, x: _Interval, z: _Interval) -> FloatArray:
-    """The intervals along y of triangles, shape (n, 3, 3), m, cut off at a rectangle of x and z.
+    """The intervals along y of triangles, shape (n, 3, 3), m, clipped to a rectangle of x and z.
 
-    A triangle is cut off to a polygon, whose corners are those of the triangle that are inside the
-    rectangle, where its edges cross the sides of the rectangle, and the corners of the rectangle
-    that the triangle covers, seen along y.
+    A clipped triangle is a polygon. Its corners are the corners of the triangle inside the
+    rectangle, the points where the triangle's edges cross the sides of the rectangle, and the
+    corners of the rectangle that the triangle covers, seen along y.
 
     Returns:
-        Of those that have something inside, shape (m, 2), m.
+        The intervals of the triangles that are partly inside, shape (m, 2), m.
     """
     sides = np.array([x, z])
     starts, ways = triangles, triangles[:, [1, 2, 0]] - triangles
@@ -248,14 +253,14 @@ def _clipped(triangles: FloatArray, x: _Interval, z: _Interval) -> FloatArray:
 
 
 def centre_off_m(pads: Sequence[Sequence[Part]], body: Body) -> float:
-    """How far a body's centre is beside the pads, seen along y; all placed seen from the tip."""
-    beside = []
+    """Distance of a body's centre from the pads, seen along y; all are seen from the tip."""
+    distances = []
     for axis in (0, 2):
         centre = sum(body.extent_m(np.eye(3)[axis])) / 2
         spans = [_span(pad, axis) for pad in pads]
         low, high = min(low for low, _ in spans), max(high for _, high in spans)
-        beside.append(max(low - centre, centre - high, 0.0))
-    return math.hypot(*beside)
+        distances.append(max(low - centre, centre - high, 0.0))
+    return math.hypot(*distances)
 
 
 def _span(pad: Sequence[Part], axis: int) -> tuple[float, float]:
@@ -274,8 +279,8 @@ def _overlap(spans: Sequence[tuple[float, float]], part: Part) -> Overlap:
     return Overlap(shared[tightest], possible[tightest])
 
 
-def misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
-    """Of what is too wide for the open hand, or too thin for the closed one."""
+def miss_by_width(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
+    """The miss of a body too wide for the open hand, or too thin for the closed one."""
     pads = "whose closed finger pads" if kind is MissKind.TOO_THIN else "whose finger pads"
     text = (
         f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
@@ -284,8 +289,8 @@ def misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
     return Miss(kind, text, name, width_m)
 
 
-def beside(seen: Body) -> Miss:
-    """Of what is not between the pads."""
+def miss_beside(seen: Body) -> Miss:
+    """The miss of a body, seen from the tip, that is not between the pads."""
     x, y, z = seen.centre_base
     across = float(np.hypot(x, y))
     is_hinted = millimetres_hint(x, y, z) != ""
@@ -297,8 +302,8 @@ def beside(seen: Body) -> Miss:
     return Miss(MissKind.NOTHING, text, seen.name, across)
 
 
-def slips(name: str, pad_m: float) -> Miss:
-    """Of what has too little of a pad on it."""
+def miss_at_edge(name: str, pad_m: float) -> Miss:
+    """The miss of a body with too little of a pad on it."""
     text = (
         f"only {1e3 * pad_m:.1f} mm of a finger pad on {name}; less than "
         f"{1e3 * MIN_PAD_M:.1f} mm slip off"

@@ -1,24 +1,23 @@
-"""The hand: two fingers that close on things, of the shapes that the robot's body has there.
+"""Hand: two fingers that close on bodies, with the shapes of the robot's body.
 
 The closing axis is y of the gripper frame. The left finger slides along +y by the finger position
-`x`, 0 .. stroke, the right one mirrors it. Every shape of a finger moves along; the pads are the
-finger tips. The model of closing, and its limits, are on `planner.grasping.grasp`.
+`x`, 0 .. stroke, and the right one mirrors it. The pads are the finger tips.
+`planner.grasping.grasp` describes the model of closing and its limits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.description.calibration import finger_joints
-from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import frozen
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import Checked, expect, finite_scalar
+from baxter_kin.validation import expect, finite_scalar
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import (
@@ -26,47 +25,47 @@ from planner.grasping.grasp import (
     Miss,
     MissKind,
     Overlap,
-    beside,
     centre_off_m,
     extent,
-    misfit,
-    slips,
+    miss_at_edge,
+    miss_beside,
+    miss_by_width,
     width_between_m,
 )
 from planner.scene.bodies import Body, Part
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
 
 ROUNDING_M = 1e-9
-"""How far a finger position may be outside 0 .. stroke by rounding."""
+"""Maximum distance of a finger position from 0 .. stroke due to rounding."""
 
 NO_FINGER_M = 0.5
-"""From here on a finger position is taken to be in millimetres, or the per cent of the gripper."""
+"""A larger finger position is assumed to be in millimetres, or in per cent of the gripper."""
 
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
-"""Along which the fingers move, seen from the tip."""
+"""Direction of the fingers' motion, seen from the tip."""
 
 MAX_OFF_RAD = 1e-4
-"""How far off that axis a finger may slide: 2 um at the end of its stroke."""
+"""Maximum angle of a finger's motion to that axis: 2 um at the end of its stroke."""
 
 AS_NEAR_M = 1e-4
-"""Parts this much farther from each other than the nearest touch too; pads are of rubber, and as
-near to their mesh as this."""
+"""Parts this much farther from each other than the nearest ones touch, too: pads are of rubber, and
+their mesh has this accuracy."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Hand(Checked, OneLine, error=SceneError):
-    """Fingers of one arm.
+@frozen(error=SceneError)
+class Hand:
+    """The fingers of one arm.
 
     Attributes:
         side: "left" or "right".
         joint_names: finger joints, the one that opens along +y first.
         stroke_m: finger position when fully open.
         closed_gap_m: distance between the pads when fully closed.
-        pads: the shapes of both finger tips, seen from the tip with the fingers closed, those of
-            the +y one first.
-        fingers: all shapes of both fingers, likewise, those of the tips first.
-        palm_z_m: how far whatever of the hand is above a body between the pads reaches along z of
-            the tip: the hand itself, and what of the fingers stands further in than the pads.
+        pads: the shapes of both finger tips with the fingers closed, seen from the tip; the finger
+            that opens along +y comes first.
+        fingers: all shapes of both fingers, likewise, those of the pads first.
+        palm_z_m: extent along z of the tip of the shapes above a body between the pads: the hand
+            itself, and shapes of the fingers that are further in than the pads.
     """
 
     side: str
@@ -82,8 +81,8 @@ class Hand(Checked, OneLine, error=SceneError):
         """The hand of an arm, measured on the robot's shapes.
 
         Raises:
-            SceneError: when an argument is of another class, or that arm has no fingers, or they
-                do not slide along y of its gripper frame.
+            SceneError: when an argument is of another class, the arm has no fingers, or they do
+                not slide along y of its gripper frame.
         """
         expect(robot, Baxter, "robot", SceneError)
         expect(shapes, RobotShapes, "shapes", SceneError)
@@ -114,7 +113,7 @@ class Hand(Checked, OneLine, error=SceneError):
 
     @staticmethod
     def is_on(robot: Baxter, side: str) -> bool:
-        """Whether a robot has fingers on that side.
+        """Whether a robot has fingers on one side.
 
         Raises:
             SceneError: when `robot` is of another class.
@@ -129,7 +128,7 @@ class Hand(Checked, OneLine, error=SceneError):
         return self.closed_gap_m + 2 * self.stroke_m
 
     def finger_joints(self, finger_m: float) -> dict[str, float]:
-        """Both finger joints, m, for a finger position; Pinocchio does not couple them.
+        """Both finger joints, m, at a finger position; Pinocchio does not couple them.
 
         Raises:
             ConfigurationError: when the position is outside 0 .. stroke.
@@ -139,7 +138,7 @@ class Hand(Checked, OneLine, error=SceneError):
         return {first: finger_m, second: -finger_m}
 
     def percent(self, finger_m: float) -> float:
-        """Finger position as the robot reports it: 0 closed .. 100 open.
+        """Finger position in per cent, as the robot reports it: 0 closed .. 100 open.
 
         Raises:
             ConfigurationError: when the position is outside 0 .. stroke.
@@ -148,28 +147,30 @@ class Hand(Checked, OneLine, error=SceneError):
         return 100.0 * finger_m / self.stroke_m
 
     def width_across_m(self, T_base_tip: PoseLike, body: Body) -> float:
-        """How wide a body is between the pads of the open hand, along the closing axis.
+        """The width of a body between the pads of the open hand, along the closing axis.
 
-        Only what is in front of the pads counts, and lies between them: of a mug, the handle that
-        they are around. 0 where nothing is there.
+        Only the part in front of and between the pads counts, such as the handle of a mug; 0 where
+        nothing is there.
 
         Raises:
-            PoseError: when the pose is not a valid one.
+            PoseError: when the pose is invalid.
+            SceneError: when `body` is of another class.
         """
         T_tip_base = checked_pose(T_base_tip).inverse()
         seen = expect(body, Body, "body", SceneError).at(T_tip_base * body.T_base_body)
         return self._width_m(seen, self.open_gap_m)
 
     def close_on(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | Miss:
-        """What happens when the fingers close from `finger_m` around a body that can slide.
+        """The result of closing the fingers from `finger_m` on a body that can slide.
 
         The pad that touches first pushes the body along the closing axis until the other touches;
-        the body keeps its orientation. A miss when they close without both touching it, when less
-        than `MIN_PAD_M` of a pad is on it, or when it does not fit between them: it is too wide,
-        or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
+        the body keeps its orientation. The result is a miss when not both pads touch the body, when
+        less than `MIN_PAD_M` of a pad is on it, or when it does not fit between them: it is too
+        wide, or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
 
         Raises:
-            PoseError: when the pose is not a valid one.
+            PoseError: when the pose is invalid.
+            SceneError: when `body` is of another class.
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
         self._check_finger(finger_m)
@@ -178,7 +179,7 @@ class Hand(Checked, OneLine, error=SceneError):
         seen, opening = body.at(T_tip_body), self.closed_gap_m + 2 * finger_m
         width = self._width_m(seen, opening)
         if width > opening:
-            return misfit(MissKind.TOO_WIDE, body.name, width, opening)
+            return miss_by_width(MissKind.TOO_WIDE, body.name, width, opening)
         travels = self._travels(seen, finger_m)
         if isinstance(travels, Miss):
             return travels
@@ -192,12 +193,12 @@ class Hand(Checked, OneLine, error=SceneError):
         return self.side, f"opens {1e3 * self.closed_gap_m:.1f} .. {1e3 * self.open_gap_m:.1f} mm"
 
     def _width_m(self, seen: Body, gap_m: float) -> float:
-        """How wide a body seen from the tip is between pads that are so far apart."""
+        """The width of a body, seen from the tip, between pads that are `gap_m` apart."""
         first, second = self.pads
         return width_between_m((*first, *second), seen.placed_parts, gap_m)
 
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
-        """How far each pad moves until it touches a body seen from the tip."""
+        """The distance that each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
         room = 2 * finger_m
         first, second = self._pads_at(finger_m)
@@ -212,19 +213,19 @@ class Hand(Checked, OneLine, error=SceneError):
         return first_m, second_m
 
     def _untouched(self, seen: Body) -> Miss:
-        """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
+        """The miss of a body, seen from the tip, that one pad or none touches: thin, or beside."""
         width = self._width_m(seen, self.open_gap_m)
         if 0.0 < width < self.closed_gap_m:
-            return misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
-        return beside(seen)
+            return miss_by_width(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
+        return miss_beside(seen)
 
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
-        """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
+        """The grasp of a body, seen from the tip, that both pads touch, or a miss when it slips."""
         pads = self._pads_at(finger_m)
         overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
-            return slips(moved.name, worst.least_m)
+            return miss_at_edge(moved.name, worst.least_m)
         return Grasp(
             finger_m=finger_m,
             T_tip_body=moved.T_base_body,
@@ -236,21 +237,21 @@ class Hand(Checked, OneLine, error=SceneError):
         )
 
     def _pads_at(self, finger_m: float) -> tuple[list[Part], list[Part]]:
-        """Both pads where they are at a finger position."""
+        """The shapes of both pads at a finger position, seen from the tip."""
         first, second = self.pads
         return [_shifted(p, finger_m) for p in first], [_shifted(p, -finger_m) for p in second]
 
     def fingers_at(self, T_base_tip: pin.SE3, finger_m: float) -> Iterator[Part]:
-        """All shapes of both fingers where they are at a finger position, seen from base."""
+        """All shapes of both fingers at a finger position, seen from base."""
         for finger, sign in zip(self.fingers, (1.0, -1.0), strict=True):
             for part in finger:
                 yield part.at(T_base_tip * _along_y(sign * finger_m) * part.T_body_part)
 
     def pads_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
-        """The shapes of both pads where they are, seen from base.
+        """The shapes of both pads at a finger position, seen from base.
 
         Raises:
-            PoseError: when the pose is not a valid one.
+            PoseError: when the pose is invalid.
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
         self._check_finger(finger_m)
@@ -259,13 +260,15 @@ class Hand(Checked, OneLine, error=SceneError):
         return tuple(part.at(T * part.T_body_part) for part in (*first, *second))
 
     def room_m(self, T_base_tip: PoseLike, finger_m: float, body: Body) -> float:
-        """The least distance of the pads from a body, m; negative where they are inside it.
+        """The smallest distance of the pads from a body, m; negative where they are inside it.
 
         Raises:
-            PoseError: when the pose is not a valid one.
+            PoseError: when the pose is invalid.
+            SceneError: when `body` is of another class.
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
-        pads, parts = self.pads_at(T_base_tip, finger_m), body.placed_parts
+        parts = expect(body, Body, "body", SceneError).placed_parts
+        pads = self.pads_at(T_base_tip, finger_m)
         return min(gap_m(pad, part) for pad in pads for part in parts)
 
     def _check_finger(self, finger_m: float) -> None:
@@ -279,7 +282,7 @@ class Hand(Checked, OneLine, error=SceneError):
 
 
 def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
-    """The fingers must slide along the closing axis of the gripper frame."""
+    """Refuse fingers that do not slide along the closing axis of the gripper frame."""
     model = robot.model
     data, tip = model.createData(), model.frames[model.getFrameId(arm.gripper_frame)].placement
     for name in names:
@@ -288,17 +291,17 @@ def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
         off = float(np.linalg.norm(np.cross(tip.rotation.T @ along, CLOSING_AXIS)))
         if off > MAX_OFF_RAD:
             raise SceneError(
-                f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, which hands are "
-                f"modelled to close along; allowed are {1e3 * MAX_OFF_RAD:g} mrad"
+                f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, the closing "
+                f"axis; at most {1e3 * MAX_OFF_RAD:g} mrad are allowed"
             )
 
 
 def _travel(
     pad: Sequence[Part], direction: float, parts: Sequence[Part], room_m: float
 ) -> float | None:
-    """How far a pad moves along y of the gripper until it touches a part; None if it does not.
+    """The distance that a pad moves along y of the gripper to touch a part; None if it does not.
 
-    It may begin inside one, by no more than a contact may press; its travel is negative then.
+    It may begin inside a part by up to `PRESSING_TOLERANCE_M`; its travel is negative then.
     """
     along = np.array([0.0, direction, 0.0])
     begin = [_shifted(piece, -direction * PRESSING_TOLERANCE_M) for piece in pad]
@@ -309,7 +312,7 @@ def _travel(
 
 
 def nearer(finger: Part, part: Part, than_m: float) -> bool:
-    """Whether a shape of a finger and another are nearer than that; depths are negative."""
+    """Whether the distance of two shapes is less than `than_m`; depths are negative distances."""
     room_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
     return room_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
 
@@ -319,7 +322,7 @@ def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
-    """How much of a pad is on what it touches: the nearest parts, and those that are as near."""
+    """The overlap of a pad with the parts it touches: the nearest, and those about as near."""
     gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
     least = min(gaps.values())
     touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}

@@ -1,19 +1,20 @@
-"""A pose from which a hand grasps a body from above.
+"""Overhead grasps: the pose from which a hand grasps a body from above.
 
-The tool points straight down: x, y, z, w of its orientation are 0, 1, 0, 0, turned by a yaw about z
-of base. At yaw zero the closing axis, y of the gripper frame, is y of base.
+The tool points straight down: the quaternion x, y, z, w of its orientation is 0, 1, 0, 0, turned by
+a yaw about z of base. At yaw zero the closing axis, y of the gripper frame, is y of base.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray, expect, expect_all, finite_scalar, positive_scalar
 from planner.errors import SceneError
 from planner.grasping.grasp import Grasp, Miss, extent
@@ -22,27 +23,27 @@ from planner.scene.bodies import Body, Box, Cylinder, Part, Shape
 from planner.scene.mesh import Mesh
 
 FINGER_CLEARANCE_M = 0.010
-"""How far the fingers stay above a body's lowest point, and the palm above its highest. Chosen:
-half of what the original demo leaves under the fingers."""
+"""Distance of the fingers above a body's lowest point, and of the palm above its highest. Chosen:
+half of the distance under the fingers in the original demo."""
 
 LOWEST_SHARE = 1.0 / 3.0
-"""The fingers reach down to this share of a flat body's height, where that is less."""
+"""Share of the height of a flat body down to which the fingers reach, where that is lower."""
 
 AS_NARROW_M = 1e-6
 """Sides that differ by less are equally narrow."""
 
 MESH_STEP_RAD = math.radians(1.0)
-"""Between the yaws that are tried for a mesh, whose sides are not known."""
+"""Step of the yaws that are tried for a mesh, whose sides are not known."""
 
 ROUND_STEP_RAD = math.radians(15.0)
-"""Between the yaws that are tried for something round."""
+"""Step of the yaws that are tried for a round shape."""
 
 MIN_FINGER_CLEARANCE_M = 3e-4
-"""Fingers that cannot open all the way leave at least so much room between pads and body; so much
-they keep from its neighbours as well."""
+"""Minimum distance between pads and body where the fingers cannot open fully, and between fingers
+and the body's neighbours."""
 
 LEVEL = 1e-6
-"""An axis with less of its length in the plane is vertical; it says nothing about yaw."""
+"""An axis with a smaller horizontal share of its length is vertical, and does not define a yaw."""
 
 R_BASE_DOWN = np.diag([-1.0, 1.0, -1.0])
 """The tool pointing straight down, at yaw zero."""
@@ -56,36 +57,36 @@ def overhead_grasp(
     yaw_rad: float = 0.0,
     clear_m: float = FINGER_CLEARANCE_M,
 ) -> pin.SE3:
-    """Where the tip must be to grasp a body from above, where it stands now.
+    """The pose of the tip to grasp a body from above, at the body's present pose.
 
-    The closing axis is level, along the narrowest side of the body that the hand can hold. Of sides
-    equally narrow, and of both ways round, the yaw nearest to `yaw_rad` is taken. Where a neighbour
-    leaves no room for the fingers there, the next side that the hand can hold is taken. The pads go
-    to half the body's height, or higher: the fingers stay above its lowest point, so clear of what
-    it stands on, and the palm above its highest.
+    The closing axis is level, along the narrowest side of the body that the hand can hold. Among
+    equally narrow sides, and both directions along them, the yaw nearest to `yaw_rad` is taken.
+    Where a neighbour blocks the fingers there, the next side that the hand can hold is taken. The
+    pads go to half the body's height, or higher: the fingers stay above its lowest point, so clear
+    of its support, and the palm above its highest.
 
-    Sides are those of the body's boxes and cylinders, so that pads lie flush on them; of a mesh,
-    every degree is tried, of something round, every 15 degrees. A body of several parts that does
+    Sides are those of the body's boxes and cylinders, so that pads lie flush on them; for a mesh,
+    every degree is tried, for a round shape, every 15 degrees. A body of several parts that does
     not fit in the middle is grasped by one of its parts that does, such as a mug by its handle.
 
-    Whether the grasp holds is not asked here: for a body that does not fit into the hand, or that
-    neighbours enclose, the pose that comes nearest is given. `Hand.close_on` tells what comes of
-    it, and a plan with it is refused with the reason.
+    The result need not be a grasp that holds: for a body that does not fit into the hand, or that
+    neighbours enclose, it is the pose that comes nearest. `Hand.close_on` gives the result of
+    closing there, and a plan with it is refused with the reason.
 
     Args:
-        hand: the hand; either arm's.
-        body: what to grasp.
-        neighbours: what stands around it, such as a scene; the body itself may be among them.
+        hand: the hand of either arm.
+        body: the body to grasp.
+        neighbours: the bodies around it, such as a scene; may include the body itself.
         yaw_rad: preferred angle from y of base to the closing axis, about z of base.
-        clear_m: how far the fingers stay above the body's lowest point, above zero; a third of
-            its height where that is less.
+        clear_m: distance of the fingers above the body's lowest point, above zero; a third of the
+            body's height where that is less.
 
     Returns:
-        The tip pose, seen from base.
+        The pose of the tip seen from base.
 
     Raises:
-        SceneError: when `hand` is no Hand, `body` no Body, a neighbour no Body, the yaw is no
-            finite number, or the clearance is not above zero.
+        SceneError: when an argument is of another class, the yaw is not a finite number, or the
+            clearance is not above zero.
     """
     expect(hand, Hand, "hand", SceneError)
     expect(body, Body, "body", SceneError)
@@ -110,9 +111,9 @@ class _Candidate:
 
     Attributes:
         T_base_tip: the pose.
-        misfit_m: how much too wide or too thin for the hand the body is there.
-        width_m: how wide it is between the pads.
-        turned_rad: how far the yaw is from the preferred one.
+        misfit_m: excess of the body's width over the open gap, or of the closed gap over it.
+        width_m: width of the body between the pads.
+        turned_rad: difference of the yaw from the preferred one.
     """
 
     T_base_tip: pin.SE3
@@ -125,11 +126,11 @@ class _Candidate:
         return self.misfit_m == 0.0
 
     def closed(self, hand: Hand, body: Body) -> Grasp | Miss:
-        """What happens when the open hand closes there."""
+        """The result of closing the open hand there."""
         return hand.close_on(self.T_base_tip, body, hand.stroke_m)
 
     def is_free(self, hand: Hand, body: Body, others: Sequence[Part]) -> bool:
-        """Whether the fingers, open as little as they can be around the body, are in nothing."""
+        """Whether the fingers, open as little as possible around the body, touch nothing else."""
         if not others:
             return True
         found = self.closed(hand, body)
@@ -148,7 +149,7 @@ def _candidates(
     """Poses above the middle of some parts of a body, for each of their sides."""
     yaws = [yaw for part in parts for yaw in _sides(part, body.T_base_body.rotation)]
     yaws = yaws or [preferred + turn for turn in np.arange(0.0, math.pi, ROUND_STEP_RAD).tolist()]
-    grasped, z = replace(body, parts=tuple(parts)), _tip_z(hand, body, parts, clear_m)
+    grasped, z = evolve(body, parts=tuple(parts)), _tip_z(hand, body, parts, clear_m)
     for yaw in yaws:
         R = _yawed(yaw)
         level = sum(axis * sum(grasped.extent_m(axis)) / 2 for axis in R.T[:2])
@@ -161,21 +162,21 @@ def _candidates(
 
 
 def _ranked(candidates: Iterable[_Candidate]) -> list[_Candidate]:
-    """The candidates, the best one first: those that fit, the narrowest, the least turned.
+    """The candidates, best first: those that fit, then the narrowest, then the least turned.
 
-    Of those that are as narrow within `AS_NARROW_M`, the least turned one comes first.
+    Those that are equally narrow within `AS_NARROW_M` are sorted by their turn alone.
     """
     left, ranked = sorted(candidates, key=lambda each: (each.misfit_m, each.width_m)), []
     while left:
         first = left[0]
-        alike = [
+        equal = [
             each
             for each in left
             if each.misfit_m <= first.misfit_m + AS_NARROW_M
             and each.width_m <= first.width_m + AS_NARROW_M
         ]
-        ranked += sorted(alike, key=lambda each: each.turned_rad)
-        left = [each for each in left if each not in alike]
+        ranked += sorted(equal, key=lambda each: each.turned_rad)
+        left = [each for each in left if each not in equal]
     return ranked
 
 
@@ -190,16 +191,16 @@ def _sides(part: Part, R_base_body: FloatArray) -> Iterator[float]:
 
 
 def _axes(shape: Shape) -> FloatArray:
-    """Axes of a shape that it is not round about, in rows, shape (n, 3)."""
+    """Axes of a shape, without those about which it is round, in rows, shape (n, 3)."""
     if isinstance(shape, Box):
         return np.eye(3)
     return np.eye(3)[2:] if isinstance(shape, Cylinder) else np.empty((0, 3))
 
 
 def _tip_z(hand: Hand, body: Body, parts: Sequence[Part], clear_m: float) -> float:
-    """How high the tip goes to grasp parts of a body, in base: z of the gripper points down."""
+    """Height of the tip to grasp parts of a body, in base; z of the gripper points down."""
     low, high = body.extent_m((0.0, 0.0, 1.0))
-    middle = sum(replace(body, parts=tuple(parts)).extent_m((0.0, 0.0, 1.0))) / 2
+    middle = sum(evolve(body, parts=tuple(parts)).extent_m((0.0, 0.0, 1.0))) / 2
     pads = [extent(part, 2) for pad in hand.pads for part in pad]
     pad_middle = (min(begin for begin, _ in pads) + max(end for _, end in pads)) / 2
     reach = max(extent(part, 2)[1] for finger in hand.fingers for part in finger)

@@ -1,4 +1,4 @@
-"""A tool of one's own, of the shapes of a body."""
+"""Tools: a body mounted on the flange in place of a hand."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from planner.scene.bodies import Body, Box, Cylinder, Shape, Sphere
 
 
 def tool_of(body: Body, T_hand_tip: PoseLike) -> Tool:
-    """What `Baxter.load(hands=...)` mounts: a body, rigid on the flange, with a tip.
+    """A tool for `Baxter.load(hands=...)`: a body rigid on the flange, with a tip.
 
     Args:
-        body: boxes, cylinders and spheres; its pose is that seen from `<side>_hand`, whose z points
-            out of the flange.
-        T_hand_tip: where the tip is, seen from there too.
+        body: boxes, cylinders and spheres; its pose is seen from `<side>_hand`, whose z points out
+            of the flange.
+        T_hand_tip: pose of the tip seen from `<side>_hand`.
 
     Raises:
         SceneError: when the body is of another class or has a mesh among its shapes.
         ConfigurationError: when it reaches too far, or has too many shapes.
-        PoseError: when the pose of the tip is not a valid one.
+        PoseError: when the pose of the tip is invalid.
     """
     parts = expect(body, Body, "the body of a tool", SceneError).placed_parts
     shapes = tuple(_shape(body.name, part.shape, part.T_body_part) for part in parts)
@@ -45,5 +45,5 @@ def _measured(name: str, shape: Shape) -> tuple[ShapeKind, tuple[float, ...]]:
     if isinstance(shape, Sphere):
         return ShapeKind.SPHERE, (float(shape.radius_m),)
     raise SceneError(
-        f"the tool {name!r} has a mesh among its shapes; put boxes, cylinders or spheres around it"
+        f"the tool {name!r} has a mesh among its shapes; use boxes, cylinders or spheres around it"
     )

@@ -21,9 +21,8 @@ from baxter_kin import JointLimits
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.clearance import checked_margin_m
-from planner.collision.context import CollisionContext
+from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, IsFree, looks_clear
 from planner.collision.obstacles import Obstacles
-from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.joint_move import (
     ROUNDING_RAD,

@@ -26,7 +26,7 @@ import numpy as np
 
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.continuous.joint_tube import JointTube
+from planner.collision.tube_proof import JointTube
 from planner.trajectory import Trajectory
 
 SAMPLE_S = 2e-3

@@ -30,7 +30,7 @@ from baxter_kin import JointLimits
 from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.validation import FloatArray, expect, positive_scalar
-from planner.collision.sampling import IsFree
+from planner.collision.context import IsFree
 from planner.errors import MotionError
 
 if TYPE_CHECKING:

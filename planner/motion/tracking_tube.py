@@ -52,7 +52,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
-from planner.collision.continuous.joint_tube import JointTube
+from planner.collision.tube_proof import JointTube
 from planner.motion.response import Response, remaining_share
 from planner.trajectory import Trajectory
 

@@ -43,8 +43,7 @@ from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
 from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Body, Scene
+from planner.scene.bodies import Attachment, Body, Scene
 from planner.scene.contact import (
     PRESSING_TOLERANCE_M,
     PartContact,
@@ -52,7 +51,8 @@ from planner.scene.contact import (
     part_contacts,
     touching,
 )
-from planner.scene.support import MAX_TILT_RAD, UP, Landing, come_down, land
+from planner.scene.faces import UP
+from planner.scene.support import MAX_TILT_RAD, Landing, come_down, land
 
 MAX_DROP_M = 0.01
 """Maximum height above its support from which a body may be released."""

@@ -11,8 +11,7 @@ from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof
-from planner.collision.context import CollisionContext
-from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
+from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
 from planner.completion import after, during, of_grip
 from planner.errors import MotionError, TaskError
 from planner.grasping.finger_travel import FingerTravel, prove_travel

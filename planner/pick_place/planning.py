@@ -10,7 +10,7 @@ The tip descends to a pose and rises from it along a straight line, and moves si
 knots of the motion, it is above the lower of these two heights. It stops to grasp, to release, and
 `hover_m` above the place, where the cycle ends. While a body is carried sideways it may touch
 nothing, including its supports. Each move is proven free of collision at every instant
-(`planner.collision.continuous.proof`). The motions of a cycle are one nonlinear program, and are
+(`planner.collision.proof`). The motions of a cycle are one nonlinear program, and are
 together as fast as limits and lines allow (`planner.motion`); where they collide, they are led
 around obstacles, and where that fails, other pairs of IK solutions are tried, with a stop above
 both and free moves in between, which keep no height (`planner.pick_place.cycle_search`).
@@ -37,8 +37,7 @@ from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
 from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Scene
+from planner.scene.bodies import Attachment, Scene
 from planner.state import State
 
 

@@ -27,8 +27,7 @@ from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import checked_start
 from planner.motion.straight_line import STRICT, LineTolerance
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import MAX_DISTANCE_M, Scene
+from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 

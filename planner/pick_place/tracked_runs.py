@@ -13,8 +13,7 @@ from baxter_kin.fields import frozen
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.joint_tube import JointTube
-from planner.collision.continuous.tube_proof import TubeClearance, TubeProofs
+from planner.collision.tube_proof import JointTube, TubeClearance, TubeProofs
 from planner.errors import TaskError, TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
@@ -284,7 +283,7 @@ def _unclear(label: str, proof: TubeClearance) -> str | None:
         return None
     near = proof.nearest
     if near.distance_m <= proof.margin_m:
-        text = near.told("may be", "may touch")
+        text = near.phrase("may be", "may touch")
         asked = f"; {1e3 * proof.margin_m:.1f} mm are asked for" if proof.margin_m else ""
         return f"{label}: {text} {near.time_s or 0.0:.2f} s after it last rested{asked}"
     return (

@@ -4,7 +4,7 @@ An arm that follows its set-points with a lag does not take the path that a plan
 full speed a Baxter cuts the corners between lines by centimetres. Given bounds on how it follows
 (`planner.motion.response.Response`), its joints are in a tube at every time
 (`planner.motion.tracking_tube`, with the theorem), and wherever they are in it, jointly or each at
-its worst, all pairs of shapes are apart (`planner.collision.continuous.tube_proof`). The proven
+its worst, all pairs of shapes are apart (`planner.collision.tube_proof`). The proven
 distance of each move is stated, in the state of that move.
 
 Intended contacts cannot be proven to be apart from an arm that is off its path: the fingers pass a

@@ -1,1 +1,1 @@
-"""Bodies and their shapes, what touches what, and what stands on what."""
+"""Bodies and their shapes, contacts between them, and the supports that they stand on."""

@@ -1,20 +1,21 @@
-"""Scene: an immutable set of named bodies with shapes and poses."""
+"""Scene: an immutable set of named bodies with shapes and poses, and how a link holds one."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import MAX_PART, OneLine, count, listing, position, quoted, shortened
-from baxter_kin.fields import FrozenMapping
-from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.display import MAX_PART, count, listing, position, quoted, shortened
+from baxter_kin.fields import evolve, field, frozen, mapping, sequence
+from baxter_kin.frames import checked_pose
 from baxter_kin.hints import millimetres_hint
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
     FloatArray,
     expect,
@@ -29,13 +30,30 @@ from planner.scene.mesh import Mesh, checked_size
 GREY = (0.6, 0.6, 0.6, 1.0)
 
 MAX_NAME_LENGTH = 100
-"""Characters of a body's name; sentences repeat it."""
+"""Longest name of a body; messages repeat it."""
 
 MAX_DISTANCE_M = 1000.0
-"""How far from base, or from its body, a shape may be; distances beyond lose digits."""
+"""Maximum distance of a body from base, and of a shape from its body; larger distances lose
+digits."""
 
 
-@dataclass(frozen=True, slots=True)
+def _checked_edges(given: ArrayLike) -> tuple[float, float, float]:
+    edges = finite_array(given, (3,), "box size_m", SceneError).tolist()
+    x, y, z = (_checked_length(edge, "box edge") for edge in edges)
+    return x, y, z
+
+
+def _checked_length(given: object, what: str) -> float:
+    return checked_size(positive_scalar(given, what, SceneError), what)
+
+
+def _clipped(given: ArrayLike) -> tuple[float, float, float, float]:
+    """A colour, its numbers moved into 0 .. 1."""
+    r, g, b, a = np.clip(finite_array(given, (4,), "rgba", SceneError), 0, 1).tolist()
+    return r, g, b, a
+
+
+@frozen(error=SceneError, eq=True)
 class Box:
     """A cuboid centred on its frame.
 
@@ -43,20 +61,15 @@ class Box:
         size_m: edge lengths along x, y and z, each above zero.
     """
 
-    size_m: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        size = finite_array(self.size_m, (3,), "box size_m", SceneError)
-        x, y, z = (_checked_length(edge, "box edge") for edge in size.tolist())
-        object.__setattr__(self, "size_m", (x, y, z))
+    size_m: tuple[float, float, float] = field(converter=_checked_edges)
 
     def support_m(self, direction: FloatArray) -> float:
-        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        """Extent from the centre along a unit direction, shape (3,)."""
         along = finite_array(direction, (3,), "direction", SceneError)
         return float(np.abs(along) @ np.array(self.size_m)) / 2
 
 
-@dataclass(frozen=True, slots=True)
+@frozen(error=SceneError, eq=True)
 class Cylinder:
     """A cylinder centred on its frame, its axis along z.
 
@@ -65,20 +78,16 @@ class Cylinder:
         length_m: above zero.
     """
 
-    radius_m: float
-    length_m: float
-
-    def __post_init__(self) -> None:
-        _checked_length(self.radius_m, "cylinder radius_m")
-        _checked_length(self.length_m, "cylinder length_m")
+    radius_m: float = field(converter=partial(_checked_length, what="cylinder radius_m"))
+    length_m: float = field(converter=partial(_checked_length, what="cylinder length_m"))
 
     def support_m(self, direction: FloatArray) -> float:
-        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        """Extent from the centre along a unit direction, shape (3,)."""
         x, y, z = finite_array(direction, (3,), "direction", SceneError).tolist()
         return float(self.radius_m * math.hypot(x, y) + abs(z) * self.length_m / 2)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen(error=SceneError, eq=True)
 class Sphere:
     """A ball centred on its frame.
 
@@ -86,13 +95,10 @@ class Sphere:
         radius_m: above zero.
     """
 
-    radius_m: float
-
-    def __post_init__(self) -> None:
-        _checked_length(self.radius_m, "sphere radius_m")
+    radius_m: float = field(converter=partial(_checked_length, what="sphere radius_m"))
 
     def support_m(self, direction: FloatArray) -> float:
-        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        """Extent from the centre along a unit direction, shape (3,)."""
         finite_array(direction, (3,), "direction", SceneError)
         return self.radius_m
 
@@ -100,31 +106,29 @@ class Sphere:
 Shape: TypeAlias = Box | Cylinder | Sphere | Mesh
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Part(OneLine):
+@frozen(error=SceneError)
+class Part:
     """One shape of a body.
 
     Attributes:
         shape: its geometry.
-        T_body_part: where it sits on the body.
-        rgba: its colour, each of four in 0..1.
+        T_body_part: its pose on the body.
+        rgba: its colour: red, green, blue and opacity, moved into 0 .. 1.
+
+    Raises:
+        SceneError: when the shape or the colour is invalid, or the pose too far away.
+        PoseError: when the pose is invalid.
     """
 
     shape: Shape
-    T_body_part: pin.SE3
-    rgba: tuple[float, float, float, float] = GREY
+    T_body_part: pin.SE3 = field(converter=checked_pose)
+    rgba: tuple[float, float, float, float] = field(default=GREY, converter=_clipped)
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.shape, (Box, Cylinder, Sphere, Mesh)):
-            raise SceneError(
-                f"a shape is a Box, Cylinder, Sphere or Mesh, got {quoted(self.shape)}"
-            )
-        object.__setattr__(self, "T_body_part", _checked_place(self.T_body_part, "a shape"))
-        r, g, b, a = np.clip(finite_array(self.rgba, (4,), "rgba", SceneError), 0, 1).tolist()
-        object.__setattr__(self, "rgba", (r, g, b, a))
+    def __attrs_post_init__(self) -> None:
+        _check_distance(self.T_body_part, "a shape")
 
     def at(self, T_body_part: pin.SE3) -> Part:
-        """The same shape elsewhere, quickly: the place is taken as given, without a check."""
+        """The same shape at another pose, which is not checked: this is called often."""
         moved = object.__new__(Part)
         for name, value in (
             ("shape", self.shape),
@@ -138,8 +142,8 @@ class Part(OneLine):
         return repr(self.shape), f"at {position(self.T_body_part)}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Body(OneLine):
+@frozen(error=SceneError)
+class Body:
     """A named thing in the scene.
 
     Attributes:
@@ -147,33 +151,34 @@ class Body(OneLine):
         parts: its shapes, at least one.
         T_base_body: its pose seen from base.
         is_movable: whether a gripper may carry it.
+
+    Raises:
+        SceneError: when the name is not one, there is no part, or the pose is too far away.
+        PoseError: when the pose is invalid.
     """
 
     name: str
-    parts: tuple[Part, ...]
-    T_base_body: pin.SE3
+    parts: tuple[Part, ...] = sequence()
+    T_base_body: pin.SE3 = field(converter=checked_pose)
     is_movable: bool = False
 
-    def __post_init__(self) -> None:
+    def __attrs_post_init__(self) -> None:
         if not is_name(self.name):
             raise SceneError(
-                f"a body needs a name, of up to {MAX_NAME_LENGTH} characters that can be written, "
-                f"got {quoted(self.name)}"
+                f"a body needs a name, of 1 to {MAX_NAME_LENGTH} characters, got "
+                f"{quoted(self.name)}"
             )
-        expect(self.is_movable, bool, "is_movable", SceneError)
-        parts = expect_all(self.parts, Part, f"the parts of {self.name!r}", SceneError)
-        if not parts:
+        if not self.parts:
             raise SceneError(f"body {self.name!r} has no shape")
-        object.__setattr__(self, "parts", parts)
-        object.__setattr__(self, "T_base_body", _checked_place(self.T_base_body, self.name))
+        _check_distance(self.T_base_body, self.name)
 
     def at(self, T_base_body: pin.SE3) -> Body:
         """The same body at another pose seen from base."""
-        return replace(self, T_base_body=T_base_body)
+        return evolve(self, T_base_body=T_base_body)
 
     @property
     def placed_parts(self) -> tuple[Part, ...]:
-        """Its shapes, each placed where it is seen from base."""
+        """Its shapes, each with its pose seen from base."""
         return tuple(part.at(self.T_base_body * part.T_body_part) for part in self.parts)
 
     def extent_m(self, direction_base: ArrayLike) -> tuple[float, float]:
@@ -193,7 +198,7 @@ class Body(OneLine):
 
     @property
     def centre_base(self) -> FloatArray:
-        """The middle of the body's axis-aligned bounding box in base, shape (3,), m."""
+        """The centre of the body's axis-aligned bounding box in base, shape (3,), m."""
         return np.array([sum(self.extent_m(axis)) / 2 for axis in np.eye(3)])
 
     def _facts(self) -> tuple[str, ...]:
@@ -202,32 +207,27 @@ class Body(OneLine):
         return quoted(self.name, MAX_PART), kind, count(len(self.parts), "part"), where
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Scene(OneLine):
-    """Bodies by name; changing a scene makes another one.
+@frozen(error=SceneError, eq=True)
+class Scene:
+    """Bodies by name; its methods return changed scenes.
 
     Attributes:
         bodies: name -> body.
 
     Raises:
-        SceneError: when `bodies` is no such mapping.
+        SceneError: when `bodies` is not such a mapping.
     """
 
-    bodies: Mapping[str, Body]
+    bodies: Mapping[str, Body] = mapping()
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.bodies, Mapping):
-            raise SceneError(f"bodies must be a mapping, got {type(self.bodies).__name__}")
+    def __attrs_post_init__(self) -> None:
         for name, body in self.bodies.items():
-            if expect(body, Body, "a body of a scene", SceneError).name != name:
-                raise SceneError(
-                    f"body {body.name!r} stands in the scene under the name {quoted(name)}"
-                )
-        object.__setattr__(self, "bodies", FrozenMapping(self.bodies))
+            if body.name != name:
+                raise SceneError(f"body {body.name!r} is in the scene under the name {name!r}")
 
     @classmethod
     def of(cls, bodies: Iterable[Body] = ()) -> Scene:
-        """A scene of those bodies.
+        """A scene of some bodies.
 
         Raises:
             SceneError: when two share a name.
@@ -244,7 +244,7 @@ class Scene(OneLine):
         """The body of that name.
 
         Raises:
-            SceneError: when there is none.
+            SceneError: when the scene has no such body.
         """
         if not isinstance(name, str) or name not in self.bodies:
             present = shortened(", ".join(self.bodies)) or "none"
@@ -252,7 +252,7 @@ class Scene(OneLine):
         return self.bodies[name]
 
     def with_body(self, body: Body) -> Scene:
-        """This scene and one more body.
+        """This scene with one more body.
 
         Raises:
             SceneError: when the name is taken.
@@ -263,10 +263,10 @@ class Scene(OneLine):
         return Scene({**self.bodies, name: body})
 
     def without(self, name: str) -> Scene:
-        """This scene less one body.
+        """This scene without one of its bodies.
 
         Raises:
-            SceneError: when it is not there.
+            SceneError: when the scene has no such body.
         """
         _ = self[name]
         kept = {key: body for key, body in self.bodies.items() if key != name}
@@ -276,8 +276,8 @@ class Scene(OneLine):
         """This scene with one body at another pose.
 
         Raises:
-            SceneError: when it is not there.
-            PoseError: when the pose is not a valid one.
+            SceneError: when the scene has no such body.
+            PoseError: when the pose is invalid.
         """
         body = self[name].at(T_base_body)
         return Scene({**self.bodies, name: body})
@@ -286,21 +286,49 @@ class Scene(OneLine):
         return (listing(self.bodies, "body"),)
 
 
+@frozen(error=SceneError)
+class Attachment:
+    """A body that moves with a link, such as one in a hand.
+
+    Attributes:
+        body: its name.
+        link: the link of an arm that it moves with, such as "left_gripper", the tip of that arm.
+        T_link_body: its pose seen from that link.
+
+    Raises:
+        SceneError: when the body has no name, or the link is not one of an arm.
+        PoseError: when the pose is invalid.
+    """
+
+    body: str
+    link: str
+    T_link_body: pin.SE3 = field(converter=checked_pose)
+
+    def __attrs_post_init__(self) -> None:
+        if self.side not in LIMBS:
+            raise SceneError(
+                f"{quoted(self.body)} cannot be attached to {quoted(self.link)}; it must be a link "
+                "of an arm, such as 'left_gripper'"
+            )
+
+    @property
+    def side(self) -> str:
+        """The side of the arm that carries it, "left" or "right"."""
+        return self.link.split("_")[0]
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"{self.side} hand", f"holds {quoted(self.body, MAX_PART)}"
+
+
 def is_name(name: object) -> bool:
-    """Whether a body may be called so."""
+    """Whether a body may have this name."""
     return is_text(name) and 0 < len(name) <= MAX_NAME_LENGTH
 
 
-def _checked_length(value: object, what: str) -> float:
-    return checked_size(positive_scalar(value, what, SceneError), what)
-
-
-def _checked_place(pose: PoseLike, what: str) -> pin.SE3:
-    T = checked_pose(pose)
+def _check_distance(T: pin.SE3, what: str) -> None:
     farthest = float(np.abs(T.translation).max())
     if farthest > MAX_DISTANCE_M:
         raise SceneError(
             f"{what} is placed {farthest:g} m away; up to {MAX_DISTANCE_M:g} m can be measured"
             f"{millimetres_hint(farthest)}"
         )
-    return T

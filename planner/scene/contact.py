@@ -1,97 +1,89 @@
-"""Contact between shapes: gaps, and how far one may move until it touches another.
+"""Contact between shapes: gaps, depths, and how far a shape moves until it touches another.
 
-coal enters here; the geometry models of `planner.collision.checker` are made of its shapes.
+Intended contacts are values: a `Contact` names two things that may touch, and how deep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from baxter_kin.display import OneLine, millimetres, quoted
-from baxter_kin.validation import Checked, FloatArray, Indices, expect, finite_array, finite_scalar
+from baxter_kin.display import millimetres
+from baxter_kin.fields import frozen
+from baxter_kin.validation import FloatArray
 from planner.errors import SceneError
-from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Shape, Sphere
+from planner.scene.bodies import Body, Box, Cylinder, Part, Scene
+from planner.scene.coal_shapes import (
+    BOTH_SIDES,
+    FLAT_M,
+    coal_pose,
+    coal_shape,
+    convex,
+    convex_pieces,
+)
 from planner.scene.mesh import Mesh
 
 CONTACT_TOLERANCE_M = 1e-9
 """Shapes closer than this touch."""
 
 PRESSING_TOLERANCE_M = 5e-4
-"""How deep an allowed contact may press before it counts as a collision."""
+"""Maximum depth of an intended contact; deeper ones count as collisions."""
 
 DISTANCE_TOLERANCE_M = 1e-8
 """Accuracy of distances where a contact is sought; coal's default, 1e-6, overshoots."""
 
 SLIDING = 1e-3
-"""Shapes in contact that close in by less than this share of the way slide along each other."""
-
-UNIT_TOLERANCE = 1e-9
-"""How far the length of a unit vector may be from 1 by rounding."""
-
-MAX_TOUCHED_TRIANGLES = 1000
-"""How many triangles a mesh may have that is not convex and something touches on purpose."""
+"""Shapes in contact that approach by less than this share of their way slide along each other."""
 
 _MAX_ADVANCES = 1000
 
 _Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
-BOTH_SIDES = np.array([[0, 1, 2], [0, 2, 1]])
-"""A triangle seen from either side, as a surface without a volume."""
-
-FLAT_M = 1e-5
-"""Triangles whose extent along some axis is less than this get so thick that they have a hull."""
-
 
 def travel_to_contact(
-    moving: Part, direction: ArrayLike, still: Part, room_m: float
+    moving: Part, direction: FloatArray, still: Part, room_m: float
 ) -> float | None:
-    """How far a shape moves along a line until it touches another; None if it does not.
+    """Distance that a shape moves along a line until it touches another; None if it does not.
 
     Conservative advancement (Mirtich 1996): two planes across the shortest connection keep convex
-    shapes apart, so a shape may move until it has used up the gap between them, and never touches
-    when it does not move towards them. Shapes in contact touch at once, unless one slides along
-    the other or leaves it. A mesh that is not convex is taken triangle by triangle, of those that
-    lie in the way, so what slides along its surface stops at the next edge.
+    shapes apart, so a shape may move until the gap between them is used up, and never touches when
+    it does not move towards them. Shapes in contact touch at once, unless one slides along the
+    other or leaves it. A mesh that is not convex is treated as its triangles, of those in the
+    way, so a shape that slides along its surface stops at the next edge.
 
     Args:
         moving: the shape that moves, placed in some frame.
         direction: unit vector in that frame, shape (3,).
         still: the other shape, placed in the same frame.
-        room_m: how far it may move at most.
+        room_m: maximum distance.
     """
-    along = _unit(direction)
-    finite_scalar(room_m, "room_m", SceneError)
-    for part in (moving, still):
-        expect(part, Part, "a shape to move", SceneError)
-    way = room_m * along
+    way = room_m * direction
     swept, there = _swept(_bounds(moving), way), _bounds(still)
     if _are_apart(swept, there):
         return None
     firsts, seconds = _pieces(moving, _swept(there, -way)), _pieces(still, swept)
-    travels = (_travel(first, second, along, room_m) for first, second in product(firsts, seconds))
+    travels = (
+        _travel(first, second, direction, room_m) for first, second in product(firsts, seconds)
+    )
     return min((travel for travel in travels if travel is not None), default=None)
 
 
 def depth_m(body: Body, other: Body) -> float:
-    """How deep a body is inside another: the least way that parts two of their shapes; 0 outside.
+    """Depth of a body inside another: the shortest move that separates two shapes; 0 outside.
 
-    What is wholly inside a mesh that is not convex touches nothing.
+    A body wholly inside a mesh that is not convex touches nothing.
     """
     gaps = [_gap(*pair) for pair in _near_pieces(body, other)]
     return max(0.0, -min(gaps, default=0.0))
 
 
 def lift_m(body: Body, other: Body) -> float:
-    """How far up a body must go until no shape of it presses deeper than allowed into another's."""
+    """Rise of a body after which no shape of it presses deeper into another's than allowed."""
     up, lifts = np.array([0.0, 0.0, 1.0]), [0.0]
     top_m, bottom_m = other.extent_m(up)[1], body.extent_m(up)[0]
     above_m = max(0.0, top_m - bottom_m) + PRESSING_TOLERANCE_M
@@ -104,7 +96,7 @@ def lift_m(body: Body, other: Body) -> float:
 
 
 def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -> float | None:
-    """The same for one convex shape and another."""
+    """`travel_to_contact` for two convex shapes."""
     (first, T_first), (second, T_second) = moving, still
     pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
     request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -133,18 +125,18 @@ def contact_point(first: Part, second: Part) -> FloatArray:
     return _nearest(_pieces(first), _pieces(second))[1]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Contact(Checked, OneLine, error=SceneError):
-    """Two things that may come near each other or touch, because that is meant.
+@frozen(error=SceneError, eq=True)
+class Contact:
+    """An intended contact: two things that may come near each other, or touch.
 
     Attributes:
         body: name of a body.
-        other: name of another body, or of what of a hand it is about: "left hand", "left pads".
+        other: name of another body, or the part of a hand: "left hand", "left pads".
         part: number of the part of `body`; None for any.
         other_part: number of the other body's part; None for any.
-        least_m: the gap that they must keep, negative where they may press.
-        begin_s: from when on, since the step began.
-        end_s: until when.
+        least_m: minimum gap, negative where they may press.
+        begin_s: time from which it is allowed, since the step began.
+        end_s: time until which it is allowed.
 
     Raises:
         SceneError: when a value is of another class, or a number is not finite.
@@ -160,13 +152,19 @@ class Contact(Checked, OneLine, error=SceneError):
 
     @classmethod
     def of_hand(cls, side: str, body: str, *, may_press: bool) -> tuple[Contact, ...]:
-        """A hand that is about to grasp a body, or has let it go; may its pads press on it?"""
+        """Those of a hand that is about to grasp a body or has released it.
+
+        Args:
+            side: of the hand.
+            body: name of the body.
+            may_press: whether the pads may press on the body.
+        """
         near = cls(body, f"{side} hand")
         return (near, cls(body, f"{side} pads", least_m=-PRESSING_TOLERANCE_M))[: 1 + may_press]
 
     @classmethod
     def of_supports(cls, body: str, supports: Iterable[PartContact | str]) -> tuple[Contact, ...]:
-        """A body on what it stood or will stand on."""
+        """Those of a body with what it stood or will stand on."""
         found = (
             cls(body, each, least_m=-PRESSING_TOLERANCE_M)
             if isinstance(each, str)
@@ -180,14 +178,14 @@ class Contact(Checked, OneLine, error=SceneError):
 
     @property
     def support(self) -> PartContact | str:
-        """What a held or pushed body may touch: a pair of parts, or a body of which any part."""
+        """What a held or pushed body may touch: a pair of parts, or any part of a body."""
         if self.part is None or self.other_part is None:
             return self.other
         return PartContact(self.part, self.other, self.other_part)
 
     @property
     def pair(self) -> str:
-        """The two as a phrase."""
+        """The two things as a phrase."""
         numbered = ((self.body, self.part), (self.other, self.other_part))
         return " and ".join(n if i is None else f"{n}, part {i + 1}" for n, i in numbered)
 
@@ -207,7 +205,7 @@ class PartContact(NamedTuple):
 
 
 def part_contacts(body: Body, scene: Scene) -> frozenset[PartContact]:
-    """The parts of a body and of others in a scene that touch within `PRESSING_TOLERANCE_M`.
+    """Pairs of parts of a body and of others in a scene that touch within `PRESSING_TOLERANCE_M`.
 
     Parts farther apart are no contact, even where other parts of the same two bodies touch.
     """
@@ -226,127 +224,8 @@ def touching(body: Body, scene: Scene) -> frozenset[str]:
     return frozenset(contact.other for contact in part_contacts(body, scene))
 
 
-@lru_cache(maxsize=64)
-def coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """Our shape as coal's; made once, for as long as it is in use."""
-    if isinstance(shape, Box):
-        return coal.Box(*shape.size_m)
-    if isinstance(shape, Cylinder):
-        return coal.Cylinder(shape.radius_m, shape.length_m)
-    if isinstance(shape, Sphere):
-        return coal.Sphere(shape.radius_m)
-    if shape.is_convex:
-        return convex(shape.vertices, shape.triangles)
-    return surface(shape.vertices, shape.triangles)
-
-
-def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
-    """Convex shapes of coal, whose depth in another is known: the shape itself, or triangles."""
-    if not isinstance(shape, Mesh) or shape.is_convex:
-        return (coal_shape(shape),)
-    if len(shape.triangles) > MAX_TOUCHED_TRIANGLES:
-        raise SceneError(
-            f"a mesh that is not convex is touched, but has {len(shape.triangles)} triangles; at "
-            f"most {MAX_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
-        )
-    return tuple(convex(corners, BOTH_SIDES) for corners in shape.corners)
-
-
-def has_depth(geometry: coal.CollisionGeometry) -> bool:
-    """Whether coal knows how deep something is inside a shape: not inside one made of triangles."""
-    return isinstance(geometry, coal.ShapeBase)
-
-
-def coal_pose(T: pin.SE3) -> coal.Transform3s:
-    """Our pose as coal's."""
-    return coal.Transform3s(T.rotation, T.translation)
-
-
-def convex(vertices: FloatArray, triangles: Indices) -> coal.Convex:
-    """Coal's convex shape of a surface, shapes (n, 3), m, and (m, 3)."""
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for vertex in vertices:
-        points.append(vertex)
-    for triangle in triangles.tolist():
-        faces.append(coal.Triangle(*triangle))
-    return coal.Convex(points, faces)
-
-
-def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """The convex hull of triangles; other shapes, which are convex, as they are."""
-    if not isinstance(geometry, coal.BVHModelBase):
-        return geometry
-    vertices = np.array(geometry.vertices())
-    _, _, axes = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)
-    for axis, extent_m in zip(axes, np.ptp(vertices @ axes.T, axis=0), strict=True):
-        if extent_m < FLAT_M:  # which Qhull does not survive
-            vertices = np.concatenate([vertices - FLAT_M * axis, vertices + FLAT_M * axis])
-    return hull_of(vertices)
-
-
-def hull_of(points: FloatArray) -> coal.Convex:
-    """The convex hull of points that are not all in a plane, shape (n, 3), m."""
-    vertices = coal.StdVec_Vec3s()
-    for point in points:
-        vertices.append(point)
-    return coal.Convex.convexHull(vertices, True, "Qt")
-
-
-def triangles_of(geometry: coal.ConvexBase) -> tuple[FloatArray, Indices]:
-    """The surface of a convex shape of coal, shapes (n, 3), m, and (m, 3), seen from outside."""
-    faces = [geometry.polygons(i) for i in range(geometry.num_polygons)]
-    triangles: Indices = np.array([[face[k] for k in range(3)] for face in faces])
-    return np.array(geometry.points()), triangles
-
-
-def surface(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBBRSS:
-    """Coal's triangles, shapes (n, 3), m, and (m, 3); nothing is known of inside and outside."""
-    return _filled(coal.BVHModelOBBRSS(), vertices, triangles)
-
-
-def surface_for_contacts(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBB:
-    """The same in a tree of oriented boxes, in which contacts are found fastest.
-
-    Coal bounds a box, or another convex shape, by a swept sphere too loosely to leave out triangles
-    that are within the shape's own thickness of it: a finger tip 4 mm beside a block took a
-    thousand times as long in the tree that distances need.
-    """
-    return _filled(coal.BVHModelOBB(), vertices, triangles)
-
-
-def boxed(made: coal.BVHModelOBBRSS) -> coal.BVHModelOBB:
-    """That of triangles that coal has; they are read one by one."""
-    corners = [made.tri_indices(i) for i in range(made.num_tris)]
-    triangles = np.array([[each[k] for k in range(3)] for each in corners])
-    return surface_for_contacts(np.array(made.vertices()), triangles)
-
-
-def _filled(empty: coal.BVHModelBase, vertices: FloatArray, triangles: Indices) -> Any:
-    empty.beginModel(len(triangles), len(vertices))
-    empty.addVertices(vertices)
-    empty.addTriangles(triangles)
-    empty.endModel()
-    return empty
-
-
-def shape_of(geometry: coal.CollisionGeometry) -> Shape:
-    """Coal's shape as ours."""
-    if isinstance(geometry, coal.Box):
-        x, y, z = (2 * geometry.halfSide).tolist()
-        return Box((x, y, z))
-    if isinstance(geometry, coal.Cylinder):
-        return Cylinder(geometry.radius, 2 * geometry.halfLength)
-    if isinstance(geometry, coal.Sphere):
-        return Sphere(geometry.radius)
-    if isinstance(geometry, coal.ConvexBase):
-        return Mesh(*triangles_of(geometry))
-    raise SceneError(
-        f"only boxes, cylinders, spheres and convex shapes are known, not {type(geometry).__name__}"
-    )
-
-
 def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatArray]:
-    """The least distance of some shapes to others, and the point of the first where that is."""
+    """The smallest distance between two lists of shapes, and the point of the first there."""
     request, result, found = coal.DistanceRequest(), coal.DistanceResult(), []
     for one, other in product(first, second):
         result.clear()
@@ -361,7 +240,7 @@ def _gap(one: _Placed, other: _Placed) -> float:
 
 
 def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:
-    """Pairs of convex shapes of two bodies of which boxes do not tell that they are apart."""
+    """Pairs of convex shapes of two bodies whose bounding boxes are not apart."""
     parts = [(part, _bounds(part)) for part in body.placed_parts]
     others = [(part, _bounds(part)) for part in other.placed_parts]
     for (one, here), (two, there) in product(parts, others):
@@ -370,11 +249,11 @@ def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:
 
 
 def _pieces(part: Part, near: FloatArray | None = None) -> list[_Placed]:
-    """Convex shapes that a part consists of; of triangles only those near a box, if one is given.
+    """Convex shapes that a part consists of; of triangles, those near a box if one is given.
 
     Args:
         part: placed in some frame.
-        near: least and greatest corner in that frame, shape (2, 3), m.
+        near: minimum and maximum corner in that frame, shape (2, 3), m.
     """
     pose, shape = coal_pose(part.T_body_part), part.shape
     if near is None or not isinstance(shape, Mesh) or shape.is_convex:
@@ -386,7 +265,7 @@ def _pieces(part: Part, near: FloatArray | None = None) -> list[_Placed]:
 
 
 def _bounds(part: Part) -> FloatArray:
-    """The box around a placed part: least and greatest corner, shape (2, 3), m."""
+    """The box around a placed part: minimum and maximum corner, shape (2, 3), m."""
     shape, T = part.shape, part.T_body_part
     if isinstance(shape, Mesh):
         points = _placed_points(shape.vertices, T)
@@ -413,7 +292,7 @@ def _swept(box: FloatArray, way: FloatArray) -> FloatArray:
 
 
 def _are_apart(box: FloatArray, other: FloatArray) -> bool:
-    """Whether a gap greater than rounding is between two boxes."""
+    """Whether two boxes have a gap larger than rounding between them."""
     return bool((box[0] > other[1] + FLAT_M).any() or (box[1] < other[0] - FLAT_M).any())
 
 
@@ -422,13 +301,3 @@ def _placed(body: Body) -> list[_Placed]:
     return [
         (coal_shape(part.shape), coal_pose(T)) for part, T in zip(body.parts, poses, strict=True)
     ]
-
-
-def _unit(direction: ArrayLike) -> FloatArray:
-    along = finite_array(direction, (3,), "direction", SceneError)
-    length = float(np.linalg.norm(along))
-    if abs(length - 1.0) > UNIT_TOLERANCE:
-        raise SceneError(
-            f"direction {quoted(along.tolist())} has length {length:.6g}; it must have 1"
-        )
-    return along

@@ -1,4 +1,4 @@
-"""Objects of the scene: blocks of any size and colour, and those of the URDF files in `urdf/`."""
+"""Objects for scenes: blocks of any size and colour, and those of the URDF files in `urdf/`."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pinocchio as pin
 
 from baxter_kin.display import quoted
 from baxter_kin.fields import FrozenMapping
-from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.frames import PoseLike
 from baxter_kin.validation import finite_array, float_array
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Part
-from planner.scene.contact import shape_of
+from planner.scene.coal_shapes import shape_of
 
 URDF_FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 
@@ -45,30 +45,30 @@ def make_block(
     colour: str | Sequence[float] | None = None,
     is_movable: bool = True,
 ) -> Body:
-    """A cuboid.
+    """Make a cuboid.
 
     Args:
         name: its name in the scene, such as "red".
-        T_base_centre: where its centre goes, seen from base.
+        T_base_centre: pose of its centre seen from base.
         edge_m: its edge, or its three edges along x, y and z, each above zero.
-        colour: one of `COLOURS`, or red, green, blue and opacity in 0..1; when not given, the
-            colour of that name, or grey.
+        colour: one of `COLOURS`, or red, green, blue and opacity in 0 .. 1; by default the colour
+            named `name`, or grey.
         is_movable: whether a gripper may carry it.
 
     Raises:
-        SceneError: when the name is empty, an edge is not above zero, or there is no such colour.
-        PoseError: when the pose is not a valid one.
+        SceneError: when the name is empty, an edge is not above zero, or the colour is unknown.
+        PoseError: when the pose is invalid.
     """
     edges = float_array(edge_m, "edge_m", SceneError)
     is_cube = edges.ndim == 0
     x, y, z = finite_array(np.full(3, edges) if is_cube else edges, (3,), "edge_m", SceneError)
     rgba = colour_of(colour, name)
     part = Part(Box((float(x), float(y), float(z))), pin.SE3.Identity(), rgba)
-    return Body(name, (part,), checked_pose(T_base_centre), is_movable)
+    return Body(name, (part,), T_base_centre, is_movable)
 
 
 def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
-    """Red, green, blue and opacity of a colour that is given, or else of that name, or grey."""
+    """Red, green, blue and opacity of `colour`; where it is None, of the colour `name`, or grey."""
     if colour is None:
         return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
     if isinstance(colour, str):
@@ -80,7 +80,7 @@ def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, f
     values = finite_array(colour, (4,), "colour", SceneError)
     if values.min() < 0.0 or values.max() > 1.0:
         raise SceneError(
-            f"a colour is red, green, blue, opacity in 0..1, got {quoted(values.tolist())}"
+            f"a colour is red, green, blue, opacity in 0 .. 1, got {quoted(values.tolist())}"
         )
     red, green, blue, opacity = values.tolist()
     return red, green, blue, opacity
@@ -89,17 +89,18 @@ def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, f
 def load_object(
     kind: str, T_base_body: PoseLike, *, name: str | None = None, is_movable: bool = False
 ) -> Body:
-    """A body as its URDF describes it.
+    """Load a body as its URDF file describes it.
 
     Args:
-        kind: the file's name without ending, such as "block".
-        T_base_body: where its URDF origin goes, seen from base.
-        name: its name in the scene; `kind` when not given.
+        kind: name of the file without its ending, such as "block".
+        T_base_body: pose of its URDF origin seen from base.
+        name: its name in the scene; by default `kind`.
         is_movable: whether a gripper may carry it.
 
     Raises:
-        SceneError: when there is no such file, or it has no box, cylinder or sphere.
-        PoseError: when the pose is not a valid one.
+        SceneError: when there is no such file, or it has a shape other than box, cylinder or
+            sphere.
+        PoseError: when the pose is invalid.
     """
     known = {file.stem: file for file in sorted(URDF_FOLDER.glob("*.urdf"))}
     path = known.get(kind) if isinstance(kind, str) else None
@@ -111,4 +112,4 @@ def load_object(
         Part(shape_of(shape.geometry), shape.placement, tuple(shape.meshColor))
         for shape in shapes.geometryObjects
     )
-    return Body(kind if name is None else name, parts, checked_pose(T_base_body), is_movable)
+    return Body(kind if name is None else name, parts, T_base_body, is_movable)

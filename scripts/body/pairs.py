@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.description import StockFiles
 from planner.collision.robot.robot_body import LinkBody
-from planner.scene.contact import coal_pose, convex, surface
+from planner.scene.coal_shapes import coal_pose, convex, surface
 
 F = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from baxter_kin.description import RobotDescription
 from baxter_kin.description.hands import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
 from baxter_kin.fields import FrozenMapping, evolve
-from planner.collision.robot.hand_body import around
+from planner.collision.robot.robot_body import polyhedron_around
 from sim.errors import SimulationError
 
 _ASSET = "appearance.npz"
@@ -166,7 +166,7 @@ def _of_own_mesh(part: RobotPart, parts: Sequence[RobotPart], tree: Urdf) -> Rob
 
 def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
     """A shape of a tool, every face flat."""
-    vertices, triangles = around(joint.shapes[0])
+    vertices, triangles = polyhedron_around(joint.shapes[0])
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals *= 127.0 / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -15,8 +15,7 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.validation import expect
 from planner import Plan
-from planner.collision.robot.hand_body import fitted
-from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody, fitted
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.recording.recording import Recording

@@ -23,7 +23,7 @@ from planner import Body, Part, Plan, Scene, Trajectory
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
 from planner.pick_place.phases import MAX_DROP_M
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from sim.errors import SimulationError
 from sim.world.falling import Rest

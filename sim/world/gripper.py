@@ -34,7 +34,7 @@ from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.grasping.grasp import Miss, MissKind, extent
 from planner.grasping.hand import CLOSING_AXIS
 from planner.scene.contact import PRESSING_TOLERANCE_M, travel_to_contact
-from planner.scene.support import UP
+from planner.scene.faces import UP
 from sim.errors import SimulationError
 from sim.world.world import World
 

@@ -22,7 +22,7 @@ from planner import Body, Hand, Scene, State
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, depth_m
 from planner.scene.support import MAX_TILT_RAD, lifted_out
 from sim.errors import SimulationError

@@ -1,4 +1,4 @@
-"""What is found of distances, and how it is told."""
+"""Clearances and the results of proofs, and their texts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from planner.collision import Clearance
 from planner.errors import MotionError, SceneError
 
 
-def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
+def test_the_least_clearance_is_the_smallest_or_none() -> None:
     far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
     assert least([far, near, far]) is near
     assert least([]) is None
@@ -30,24 +30,24 @@ def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
         (1.1 * SHOWN_M, "arm is 0.1 mm from wall"),
     ],
 )
-def test_a_distance_is_told_in_millimetres_and_none_of_0_mm(distance_m: float, text: str) -> None:
+def test_a_distance_is_shown_in_millimetres_but_never_as_0_mm(distance_m: float, text: str) -> None:
     assert Clearance(distance_m, "arm", "wall").text == text
 
 
 @pytest.mark.parametrize(
-    ("distance_m", "needed_m", "is_told"),
+    ("distance_m", "needed_m", "is_shown"),
     [(0.01, 0.02, True), (0.01, 0.0, False), (0.01, -0.001, False), (-0.01, 0.02, False)],
 )
-def test_what_is_asked_for_is_told_where_there_is_some_distance_and_more_is_needed(
-    distance_m: float, needed_m: float, is_told: bool
+def test_a_margin_is_shown_where_the_two_are_apart(
+    distance_m: float, needed_m: float, is_shown: bool
 ) -> None:
     near = Clearance(distance_m, "arm", "wall")
     asked = f", and {1e3 * needed_m:.1f} mm are asked for"
-    assert near.too_near(needed_m) == near.text + (asked if is_told else "")
+    assert near.too_near(needed_m) == near.text + (asked if is_shown else "")
 
 
 @pytest.mark.parametrize("needed_m", [None, "1 mm", np.nan])
-def test_a_need_that_is_no_number_is_refused(needed_m: Any) -> None:
+def test_refuses_an_invalid_margin_in_a_text(needed_m: Any) -> None:
     with pytest.raises(SceneError, match="needed_m"):
         Clearance(0.01, "arm", "wall").too_near(needed_m)
 
@@ -77,20 +77,20 @@ def contact(
         ),
     ],
 )
-def test_a_contact_says_what_would_be_or_what_is_not_proven(
+def test_a_contact_states_a_distance_or_what_is_not_proven(
     distance_m: float, needed_m: float, text: str
 ) -> None:
     assert str(contact(distance_m, needed_m)) == text
 
 
 @given(st.floats(-0.1, 0.1), st.floats(-0.001, 0.1))
-def test_a_contact_is_found_where_no_more_than_the_need_is_left(
+def test_a_contact_is_found_where_at_most_the_required_distance_is_left(
     distance_m: float, needed_m: float
 ) -> None:
     assert contact(distance_m, needed_m).is_found is (distance_m <= needed_m)
 
 
-def test_a_contact_of_no_motion_is_at_its_begin() -> None:
+def test_a_contact_of_a_motion_without_duration_is_at_its_start() -> None:
     assert contact(0.0, 0.0, None, 0.0).fraction == 0.0
     assert contact(0.0, 0.0, 3.0).fraction == 0.75
 
@@ -101,6 +101,6 @@ def test_a_margin_is_a_number_that_is_not_negative(margin_m: float) -> None:
 
 
 @pytest.mark.parametrize("margin_m", [-1e-9, np.nan, np.inf, None, "1 cm", True])
-def test_a_margin_that_is_none_is_refused(margin_m: Any) -> None:
+def test_refuses_an_invalid_margin(margin_m: Any) -> None:
     with pytest.raises(MotionError, match="margin"):
         checked_margin_m(margin_m)

@@ -1,4 +1,4 @@
-"""The world that a plan was made for, and what is no world."""
+"""States: joints, bodies, and what hands hold."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import pytest
 from baxter_kin import Baxter
 from planner import Body, Manipulator, Scene, State
 from planner.errors import SceneError, TaskError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from tests.conftest import at
 
 ORIGIN = at(0.0, 0.0, 0.0)
+BAD_NUMBERS = (np.nan, np.inf, "0.1", None)
 
 
-def test_joints_stand_where_the_manipulator_plans_for_them(robot: Baxter, scene: Scene) -> None:
+def test_joints_are_those_that_the_manipulator_plans_for(robot: Baxter, scene: Scene) -> None:
     q_others = np.array(robot.configuration({"right_s0": 0.3, "l_gripper_l_finger_joint": 0.01}))
     found = State.of(Manipulator.of(robot, "left", q_others=q_others), scene)
     assert set(found.joints) == set(robot.joint_names)
@@ -24,8 +25,8 @@ def test_joints_stand_where_the_manipulator_plans_for_them(robot: Baxter, scene:
     assert found.joints["l_gripper_l_finger_joint"] == 0.01
 
 
-def test_fingers_beyond_their_stroke_count_as_open_all_the_way(robot: Baxter) -> None:
-    """And the second finger mirrors the first, wherever it was said to be."""
+def test_fingers_beyond_their_stroke_count_as_fully_open(robot: Baxter) -> None:
+    """And the second finger mirrors the first, whatever its given position."""
     q_others = robot.configuration({"l_gripper_l_finger_joint": 0.5})
     manipulator = Manipulator.of(robot, "left", q_others=q_others)
     joints = State.of(manipulator, Scene.of()).joints
@@ -34,7 +35,7 @@ def test_fingers_beyond_their_stroke_count_as_open_all_the_way(robot: Baxter) ->
     assert joints["l_gripper_r_finger_joint"] == -stroke_m
 
 
-def test_it_does_not_follow_the_joints_that_it_was_made_of(scene: Scene) -> None:
+def test_it_keeps_its_joints_when_the_caller_changes_theirs(scene: Scene) -> None:
     joints = {"left_s0": 0.1}
     state = State(scene, joints)
     joints["left_s0"] = 0.2
@@ -43,16 +44,22 @@ def test_it_does_not_follow_the_joints_that_it_was_made_of(scene: Scene) -> None
         state.joints["left_s0"] = 0.2  # type: ignore[index]
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, "0.1", None])
-def test_a_joint_that_stands_nowhere_is_refused_by_name(scene: Scene, value: Any) -> None:
-    with pytest.raises(TaskError, match="joint left_s0"):
-        State(scene, {"left_s0": value})
-
-
-@pytest.mark.parametrize("joints", [None, [0.1], {5: 0.1}])
-def test_joints_without_names_are_refused(scene: Scene, joints: Any) -> None:
+@pytest.mark.parametrize("joints", [None, [0.1], {5: 0.1}, *({"s0": x} for x in BAD_NUMBERS)])
+def test_refuses_invalid_joints(scene: Scene, joints: Any) -> None:
     with pytest.raises(TaskError, match="joint"):
         State(scene, joints)
+
+
+@pytest.mark.parametrize("attachments", [None, 5, "block", [None]])
+def test_refuses_invalid_attachments(scene: Scene, attachments: Any) -> None:
+    with pytest.raises(TaskError, match="attachments"):
+        State(scene, {}, attachments)
+
+
+@pytest.mark.parametrize("scene", [None, "scene", {}])
+def test_refuses_an_invalid_scene(scene: Any) -> None:
+    with pytest.raises(SceneError, match="scene"):
+        State(scene, {})
 
 
 def test_a_held_body_must_be_in_the_scene(scene: Scene) -> None:
@@ -80,7 +87,7 @@ def state(manipulator: Manipulator, scene: Scene) -> State:
     return State.of(manipulator, scene, q=manipulator.arm.start)
 
 
-def test_what_hangs_on_a_hand_moves_with_it(state: State, manipulator: Manipulator) -> None:
+def test_a_held_body_moves_with_its_hand(state: State, manipulator: Manipulator) -> None:
     T_tip_body, arm = at(0.0, 0.0, 0.02), manipulator.arm
     moved = state.held_by("left_gripper", "block", T_tip_body).moved(
         manipulator.robot, arm.joints(arm.neutral)
@@ -91,7 +98,7 @@ def test_what_hangs_on_a_hand_moves_with_it(state: State, manipulator: Manipulat
     assert moved.scene["table"] is state.scene["table"]
 
 
-def test_what_is_released_stays_behind(state: State, manipulator: Manipulator) -> None:
+def test_a_released_body_stays_behind(state: State, manipulator: Manipulator) -> None:
     robot, arm = manipulator.robot, manipulator.arm
     held = state.held_by("left_gripper", "block", ORIGIN).moved(robot, {})
     there = held.released("block")
@@ -116,6 +123,6 @@ def test_a_body_in_two_hands_is_where_both_have_it(state: State, manipulator: Ma
         both.moved(robot, {"left_s0": 0.1})
 
 
-def test_a_joint_that_is_not_there_is_named(state: State) -> None:
+def test_a_missing_joint_is_named(state: State) -> None:
     with pytest.raises(TaskError, match="no joint left_s7"):
         state.q(["left_s0", "left_s7"])

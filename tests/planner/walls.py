@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from planner import Body, Box, Manipulator, Part, Scene, Trajectory
 from planner.collision import ClearanceChecker
-from planner.collision.context import CollisionContext
-from planner.collision.sampling import sample_times
+from planner.collision.context import CollisionContext, sample_times
 from tests.conftest import at, overhead
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The trees of clusters by which motions are proven clear (`planner.certificate.clusters`)."""
+"""Trees of clusters, for proofs that motions are clear (`planner.certificate.clusters`)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from planner.scene.bodies import Box, Cylinder, Shape, Sphere
 
 
 class ClusterTree(NamedTuple):
-    """A tree of clusters in the frame of the link or part that consists of them.
+    """The tree of clusters of a link or part, in the frame of that.
 
     Attributes:
         clusters: the tree.
         R, p: its pose there, shapes (3, 3) and (3,).
-        margin_m: by how much it counts as thicker, as what it stands for may be outside.
+        margin_m: additional thickness, as the link's mesh may be outside the clusters.
     """
 
     clusters: Clusters
@@ -34,27 +34,27 @@ class ClusterTree(NamedTuple):
 
 @lru_cache(maxsize=4)
 def trees_of(
-    given: RobotBody, fitted: RobotBody, there: frozenset[str], urdf: str
+    body: RobotBody, fitted: RobotBody, names: frozenset[str], urdf: str
 ) -> Mapping[str, ClusterTree]:
-    """The trees of links of a robot.
+    """The trees of a robot's links.
 
-    Links of the body that comes with the package consist of Rethink's meshes; those of another body
-    are made of its own triangles.
+    The trees of the body that comes with the package consist of Rethink's meshes; those of another
+    body consist of its own triangles.
 
     Args:
-        given: the body that the robot is taken to be.
+        body: the body of the robot.
         fitted: the same with the robot's own hands.
-        there: names of the links that the robot has.
+        names: of the links that the robot has.
         urdf: text of the robot's URDF.
     """
-    of_meshes = _of_meshes(urdf) if _is_stock(given) else {}
-    rest = {name: _of_triangles(fitted.links[name]) for name in there - of_meshes.keys()}
+    of_meshes = _of_meshes(urdf) if _is_stock(body) else {}
+    rest = {name: _of_triangles(fitted.links[name]) for name in names - of_meshes.keys()}
     return {**of_meshes, **rest}
 
 
 @lru_cache(maxsize=256)
 def tree_of_part(shape: Shape) -> ClusterTree:
-    """The tree of a shape of a scene."""
+    """The tree of a scene's shape."""
     if isinstance(shape, Box):
         data: dict[str, Any] = {"type": "Box", "size_m": shape.size_m}
     elif isinstance(shape, Cylinder):
@@ -78,7 +78,7 @@ def _is_stock(body: RobotBody) -> bool:
 
 @lru_cache(maxsize=4)
 def _of_meshes(urdf: str) -> dict[str, ClusterTree]:
-    """The trees of links whose shapes in the URDF are known; none where one of them is not."""
+    """The trees of links by the URDF's meshes; none where one of the meshes is unknown."""
     try:
         found = Body(urdf).shapes
     except NotCertifiedError:

@@ -1,12 +1,11 @@
-"""Drawing: whether two links of a robot are to each other as the URDF draws them.
+"""Known pairs: the pairs of links for which the proofs on the reference robot hold, too.
 
-What was proven of pairs of links (`RobotBody.skipped_pairs`) was proven for the URDF of
-example-robot-data, over the ranges of its joints. It holds for any robot of which the two links
-have the same shapes, and the joints between them are the same and turn no farther. So of a
-calibrated robot, and of one with other hands, it holds for fewer pairs. What one hand is drawn with
-may be on the other: then what was proven on that side counts. Links that one joint joins are
-mounted on each other, and are taken to be so on every robot: calibration says how its parts were
-measured to lie, not that their covers touch.
+`RobotBody.skipped_pairs` was proven for the URDF of example-robot-data, the reference, over the
+ranges of its joints. A proof holds for any robot with the same shapes of the two links, the same
+joints between them, and no larger ranges of these. So for a calibrated robot, and for one with
+other hands, it holds for fewer pairs. A hand of the reference may be on the other arm; then the
+proof for that side holds. Links connected by one joint are mounted on each other, and are skipped
+for every robot: calibration measures the poses of parts, not whether their covers touch.
 """
 
 from __future__ import annotations
@@ -22,64 +21,64 @@ from baxter_kin.description import RobotDescription
 from baxter_kin.validation import FloatArray
 
 ROUNDING = 1e-9
-"""How far from the drawings, m and of rotations, a joint may be and still count as drawn."""
+"""Maximum difference between equal joints, m, and in entries of rotations."""
 
 
 class KnownPairs:
     """The pairs of a robot's links that stay apart, or are mounted on each other."""
 
     def __init__(self, robot: Baxter, skipped: Collection[frozenset[str]]) -> None:
-        """Compare the robot with the drawing.
+        """Compare the robot with the reference robot.
 
         Args:
             robot: the robot.
-            skipped: the pairs of which that is known as they are drawn.
+            skipped: the known pairs of the reference robot.
         """
         self._skipped = skipped
-        self._same = Drawing(robot, _drawn())
-        self._swapped = Drawing(robot, _drawn(), is_swapped=True)
+        self._same = Comparison(robot, _reference())
+        self._swapped = Comparison(robot, _reference(), is_swapped=True)
 
     def has(self, first: str, second: str) -> bool:
-        """Whether it is known of two links."""
+        """Whether two links are a known pair."""
         others = frozenset((other_side(first), other_side(second)))
         return (
-            frozenset((first, second)) in self._skipped and self._same.is_as_drawn(first, second)
-        ) or (others in self._skipped and self._swapped.is_as_drawn(first, second))
+            frozenset((first, second)) in self._skipped and self._same.is_alike(first, second)
+        ) or (others in self._skipped and self._swapped.is_alike(first, second))
 
 
 @cache
-def _drawn() -> Baxter:
+def _reference() -> Baxter:
     return Baxter.load(RobotDescription.drawn().text)
 
 
 _SIDES = (("left_", "right_"), ("l_gripper_", "r_gripper_"))
 
 
-class Drawing:
-    """A robot beside the one that is drawn."""
+class Comparison:
+    """A robot compared with the reference robot."""
 
-    def __init__(self, own: Baxter, drawn: Baxter, *, is_swapped: bool = False) -> None:
+    def __init__(self, own: Baxter, reference: Baxter, *, is_swapped: bool = False) -> None:
         """Compare all joints.
 
         Args:
             own: the robot.
-            drawn: what the URDF draws.
+            reference: the reference robot.
             is_swapped: whether each side is compared with the other one.
         """
-        self._own, self._stock = own.model, drawn.model
-        self._trees = own.description.tree, drawn.description.tree
-        self._drawn_name = other_side if is_swapped else str
-        self._data = self._own.createData(), self._stock.createData()
+        self._own, self._reference = own.model, reference.model
+        self._trees = own.description.tree, reference.description.tree
+        self._reference_name = other_side if is_swapped else str
+        self._data = self._own.createData(), self._reference.createData()
         names = list(self._own.names)
         self._other = {
-            joint: self._stock.getJointId(self._drawn_name(name))
+            joint: self._reference.getJointId(self._reference_name(name))
             for joint, name in enumerate(names)
             if joint
         }
         self._same = frozenset(joint for joint in self._other if self._is_same(joint))
 
-    def is_as_drawn(self, first: str, second: str) -> bool:
-        """Whether what was proven of two links, or their counterparts, is known of this robot's."""
+    def is_alike(self, first: str, second: str) -> bool:
+        """Whether a proof for the reference's links, or their counterparts, holds for these."""
         between = self._chain(first) ^ self._chain(second)
         if len(between) <= 1:
             return True
@@ -90,32 +89,32 @@ class Drawing:
         return set(list(self._own.supports[frame.parentJoint])[1:])
 
     def _is_fixed(self, link: str) -> bool:
-        """Whether a link looks as it is drawn, and sits so on its joint."""
-        names = link, self._drawn_name(link)
-        own, stock = (
+        """Whether a link has the shapes of the reference, at the same pose on its joint."""
+        names = link, self._reference_name(link)
+        own, reference = (
             model.frames[model.getFrameId(name, pin.FrameType.BODY)].placement.homogeneous
-            for model, name in zip((self._own, self._stock), names, strict=True)
+            for model, name in zip((self._own, self._reference), names, strict=True)
         )
-        shapes, drawn = (
+        shapes, expected = (
             tree.by_child[name].shapes if name in tree.by_child else ()
             for tree, name in zip(self._trees, names, strict=True)
         )
-        return shapes == drawn and bool(np.abs(own - stock).max() <= ROUNDING)
+        return shapes == expected and bool(np.abs(own - reference).max() <= ROUNDING)
 
     def _is_same(self, joint: int) -> bool:
         other = self._other[joint]
-        own, stock = (
+        own, reference = (
             np.append(model.jointPlacements[j].homogeneous, np.asarray(data.joints[j].S))
             for model, data, j in zip(
-                (self._own, self._stock), self._data, (joint, other), strict=True
+                (self._own, self._reference), self._data, (joint, other), strict=True
             )
         )
-        (low, high), (least, most) = _range(self._own, joint), _range(self._stock, other)
-        return bool(np.abs(own - stock).max() <= ROUNDING and (low >= least) and (high <= most))
+        (low, high), (least, most) = _range(self._own, joint), _range(self._reference, other)
+        return bool(np.abs(own - reference).max() <= ROUNDING and (low >= least) and (high <= most))
 
 
 def other_side(name: str) -> str:
-    """The name of a joint's or link's counterpart on the other side; its own where it has none."""
+    """The name of a joint's or link's counterpart on the other side; itself where it has none."""
     for one, other in _SIDES:
         for prefix, swapped in ((one, other), (other, one)):
             if name.startswith(prefix):

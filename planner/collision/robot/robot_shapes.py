@@ -1,10 +1,16 @@
-"""RobotShapes: the robot's shapes, and the pairs of them worth checking."""
+"""RobotShapes: the shapes of a robot's links, and the pairs of them that are checked.
+
+A link is one surface of triangles, or one convex shape. In contacts with a body that the hand
+grasps, fingers and their tips are the convex pieces that contain their triangles, because depths in
+these are known.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -13,40 +19,68 @@ import pinocchio as pin
 from baxter_kin import Arm, Baxter
 from baxter_kin.display import OneLine
 from baxter_kin.validation import expect, whole_scalar
-from planner.collision.covers import Covers
+from planner.collision.distances import Covers, Enclosure
 from planner.collision.robot.cluster_trees import ClusterTree, trees_of
-from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.known_pairs import KnownPairs
-from planner.collision.robot.link_shapes import LinkShape, for_contacts, of_scene, shapes_of
-from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_body import LinkBody, RobotBody, fitted
 from planner.errors import SceneError
-from planner.scene.bodies import Part
-from planner.scene.contact import hull
+from planner.scene.bodies import Part, Shape
+from planner.scene.coal_shapes import (
+    convex,
+    has_depth,
+    hull,
+    shape_of,
+    surface,
+    surface_for_contacts,
+)
 
 GRIPPER = "_gripper_"
-"""In names of links that a robot with a bare flange lacks."""
+"""Part of the names of links that a robot with a bare flange lacks."""
+
+MAX_KEPT = 64
+"""Maximum number of different links whose shapes are cached; a robot has about twenty."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkShape:
+    """A shape of a link, or of a body, in its frame.
+
+    Attributes:
+        link: the link or body that it belongs to.
+        geometry: of coal.
+        enclosure: the volume that its triangles enclose; None for a convex shape.
+        margin_m: maximum distance of the link's mesh outside the shape.
+        padding_m: additional thickness in pairs that must keep a margin.
+        is_whole: whether it is checked against things that must not be touched.
+        is_detail: whether it is checked against a body that the hand grasps.
+    """
+
+    link: str
+    geometry: coal.CollisionGeometry
+    enclosure: Enclosure | None = None
+    margin_m: float = 0.0
+    padding_m: float = 0.0
+    is_whole: bool = True
+    is_detail: bool = True
 
 
 class RobotShapes(OneLine):
-    """The shapes of a robot, of the body that it is taken to be.
-
-    A link is one surface of triangles, or one convex shape. Against what the hand grasps, fingers
-    count as their convex pieces, because how deep something is inside of these is known.
+    """The shapes of a robot, made when they are first used.
 
     Attributes:
         robot: the robot.
-        body: what it is taken to be.
+        body: the bodies of its links.
     """
 
     def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
-        """No shape is made before it is asked for.
+        """Store a robot and its body.
 
         Args:
             robot: the robot.
-            body: `RobotBody.load()` when not given.
+            body: by default `RobotBody.load()`.
 
         Raises:
-            SceneError: when one is of another class.
+            SceneError: when an argument is of another class.
             BodyFileError: when the body that comes with the package cannot be read.
         """
         self.robot = expect(robot, Baxter, "robot", SceneError)
@@ -60,7 +94,7 @@ class RobotShapes(OneLine):
 
     @cached_property
     def model(self) -> pin.GeometryModel:
-        """Every shape, without pairs."""
+        """A geometry model of all shapes, without pairs."""
         shapes, frames = pin.GeometryModel(), self.robot.model.frames
         for made in self.made:
             frame = frames[self.robot.model.getFrameId(made.link)]
@@ -72,31 +106,31 @@ class RobotShapes(OneLine):
     @cached_property
     def made(self) -> tuple[LinkShape, ...]:
         """The shapes of all links."""
-        return shapes_of(self.fitted_body, self._there)
+        return link_shapes(self.fitted_body, self._names)
 
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
-        """The surfaces among them once more, as contacts are found in them fastest."""
-        return for_contacts(self.fitted_body, self._there)
+        """The surfaces among the shapes, by number, in the form for finding contacts fast."""
+        return surfaces_for_contacts(self.fitted_body, self._names)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
-        """The link that each shape belongs to."""
+        """The name of the link of each shape."""
         return tuple(made.link for made in self.made)
 
     @cached_property
     def wholes(self) -> frozenset[int]:
-        """The shapes that count against what they must not touch, one of each link."""
+        """The shapes that are checked against things that must not be touched, one a link."""
         return frozenset(i for i, made in enumerate(self.made) if made.is_whole)
 
     @cached_property
     def details(self) -> frozenset[int]:
-        """The shapes that count against what the hand grasps."""
+        """The shapes that are checked against a body that the hand grasps."""
         return frozenset(i for i, made in enumerate(self.made) if made.is_detail)
 
     @cached_property
     def pieces(self) -> Mapping[int, tuple[int, ...]]:
-        """Of fingers and their tips: the number of all triangles -> those of the pieces."""
+        """For fingers and their tips: number of the surface -> numbers of its pieces."""
         found: dict[int, tuple[int, ...]] = {}
         for number, made in enumerate(self.made):
             if made.is_whole:
@@ -107,23 +141,23 @@ class RobotShapes(OneLine):
 
     @cached_property
     def whole_of(self) -> tuple[int, ...]:
-        """For each shape, the number of the whole link that it is, or is a piece of."""
+        """For each shape, the number of the shape of the whole link."""
         whole = {made.link: number for number, made in enumerate(self.made) if made.is_whole}
         return tuple(whole[made.link] for made in self.made)
 
     @cached_property
     def trees(self) -> Mapping[int, ClusterTree]:
-        """The clusters that each whole link consists of, for proofs."""
+        """The tree of clusters of each whole link, for proofs."""
         text = self.robot.description.text
-        trees = trees_of(self.body, self.fitted_body, self._there, text)
+        trees = trees_of(self.body, self.fitted_body, self._names, text)
         return {number: trees[self.links[number]] for number in self.wholes}
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """The pairs of shapes of the robot that may meet.
 
-        Those that the body skips are left out, unless more than one joint is between them and what
-        was proven of the stock robot is not known of this one.
+        The body's skipped pairs are excluded, unless several joints are between the two and the
+        proof for the reference robot does not hold for this one.
         """
         known = KnownPairs(self.robot, self.body.skipped_pairs.keys())
         links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
@@ -137,7 +171,7 @@ class RobotShapes(OneLine):
         )
 
     def pairs_of(self, arm: Arm) -> tuple[tuple[int, int], ...]:
-        """Those of them that an arm moves, but within its hand; found once."""
+        """The pairs that an arm moves, excluding those within its hand; found once for each arm."""
         if arm.side not in self._pairs_of:
             moving, hand = self.of_arm(arm), self.of_hand(arm)
             self._pairs_of[arm.side] = tuple(
@@ -154,26 +188,26 @@ class RobotShapes(OneLine):
 
     @cached_property
     def covers(self) -> Covers:
-        """Simple shapes around each."""
+        """Simple shapes around all shapes."""
         return Covers.of([made.geometry for made in self.made])
 
     def hull(self, index: int) -> coal.CollisionGeometry:
-        """The convex hull of a shape; found when it is first asked for."""
+        """The convex hull of a shape, made when it is first used."""
         shape = self._shape(index)
         if index not in self._hulls:
             self._hulls[index] = hull(shape.geometry)
         return self._hulls[index]
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
-        """The shapes that an arm moves, those of its hand among them."""
+        """The shapes that an arm moves, including those of its hand."""
         return self._below[_checked(arm).joint_names[0]]
 
     def of_hand(self, arm: Arm) -> frozenset[int]:
-        """The shapes that move with the last joint of an arm, its wrist among them."""
+        """The shapes that move with the last joint of an arm, including its wrist."""
         return self._below[_checked(arm).joint_names[-1]]
 
     def of_fingers(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """The shapes of both fingers, those of the one that opens along +y of the tip first."""
+        """The shapes of both fingers; the finger that opens along +y of the tip comes first."""
         letter = _checked(arm).side[0]
         first, second = (
             tuple(sorted(self._below[f"{letter}_gripper_{finger}_finger_joint"])) for finger in "lr"
@@ -181,28 +215,28 @@ class RobotShapes(OneLine):
         return first, second
 
     def finger_pieces(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Those of them that count against what the hand grasps."""
+        """The shapes of both fingers that are checked against a body that the hand grasps."""
         first, second = (
             tuple(i for i in finger if i in self.details) for finger in self.of_fingers(arm)
         )
         return first, second
 
     def of_palm(self, arm: Arm) -> frozenset[int]:
-        """The shapes of the hand that are not of a finger."""
+        """The shapes of the hand, excluding its fingers."""
         return self.of_hand(arm).difference(*self.of_fingers(arm))
 
     def of_pads(self, arm: Arm) -> frozenset[int]:
-        """The shapes of both finger tips, which may press on what is grasped."""
+        """The shapes of both finger tips, which may press on a grasped body."""
         fingers = {index for finger in self.finger_pieces(arm) for index in finger}
         return frozenset(index for index in fingers if self.links[index].endswith("_tip"))
 
     def part_at_tip(self, index: int, arm: Arm) -> Part:
         """A convex shape of the hand, seen from the tip with the fingers closed."""
         T_tip_shape = self._T_tip_shape(index, arm)
-        return Part(of_scene(self.made[index]), T_tip_shape)
+        return Part(_scene_shape(self.made[index]), T_tip_shape)
 
     def highest_at_tip_m(self, index: int, arm: Arm) -> float:
-        """How far the box around a shape of the hand reaches along z of the tip."""
+        """Extent along z of the tip of the box around a shape of the hand."""
         geometry = self._shape(index).geometry
         geometry.computeLocalAABB()
         middle = (geometry.aabb_local.max_ + geometry.aabb_local.min_) / 2
@@ -214,15 +248,15 @@ class RobotShapes(OneLine):
         return repr(self.robot), repr(self.body)
 
     @cached_property
-    def _there(self) -> frozenset[str]:
-        """The links of the body that the robot has; only grippers may be missing."""
+    def _names(self) -> frozenset[str]:
+        """The links of the body that the robot has; it may lack those of grippers only."""
         model = self.robot.model
         links = self.fitted_body.links
-        there = frozenset(n for n in links if model.existFrame(n, pin.FrameType.BODY))
-        lost = sorted(n for n in self.body.links.keys() - there if GRIPPER not in n)
+        names = frozenset(n for n in links if model.existFrame(n, pin.FrameType.BODY))
+        lost = sorted(n for n in self.body.links.keys() - names if GRIPPER not in n)
         if lost:
-            raise SceneError(f"the robot lacks links that its body has: {', '.join(lost)}")
-        return there
+            raise SceneError(f"the robot lacks links of its body: {', '.join(lost)}")
+        return names
 
     def _shape(self, index: int) -> pin.GeometryObject:
         most = self.model.ngeoms - 1
@@ -238,7 +272,7 @@ class RobotShapes(OneLine):
 
     @cached_property
     def _below(self) -> Mapping[str, frozenset[int]]:
-        """The shapes that each joint moves; none where there is no such joint, as of no fingers."""
+        """The shapes that each joint moves; empty for joints that the robot lacks."""
         model, shapes = self.robot.model, list(self.model.geometryObjects)
         found: defaultdict[str, frozenset[int]] = defaultdict(frozenset)
         for joint, name in enumerate(model.names):
@@ -249,3 +283,81 @@ class RobotShapes(OneLine):
 
 def _checked(arm: Arm) -> Arm:
     return expect(arm, Arm, "arm", SceneError)
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """The content of a link's shapes, by which links with equal shapes share them.
+
+    Attributes:
+        parts: the bytes of vertices and triangles of all its parts.
+        is_touching: as in `LinkBody`.
+        margin_m: as in `LinkBody`.
+        link: one of the links with this content.
+    """
+
+    parts: tuple[tuple[bytes, bytes], ...]
+    is_touching: bool
+    margin_m: float
+    link: LinkBody = field(compare=False)
+
+    @classmethod
+    def of(cls, link: LinkBody) -> _Content:
+        """The content of a link."""
+        parts = (link.surface, link.enclosure, *link.pieces)
+        read = tuple((p.vertices.tobytes(), p.triangles.tobytes()) for p in parts)
+        return cls(read, link.is_touching, link.margin_m, link)
+
+
+@lru_cache(maxsize=4)
+def link_shapes(body: RobotBody, names: frozenset[str]) -> tuple[LinkShape, ...]:
+    """The shapes of some links of a body; links with equal content share them."""
+    return tuple(
+        replace(made, link=link.name, padding_m=link.padding_m)
+        for name, link in body.links.items()
+        if name in names
+        for made in _shapes_by(_Content.of(link))
+    )
+
+
+@lru_cache(maxsize=512)
+def _scene_shape(made: LinkShape) -> Shape:
+    """The scene's shape for a convex shape of a link."""
+    return shape_of(made.geometry)
+
+
+@lru_cache(maxsize=4)
+def surfaces_for_contacts(body: RobotBody, names: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
+    """The surfaces of some links of a body, by number, for `RobotShapes.for_contacts`."""
+    return {
+        number: _surface_for_contacts(_Content.of(body.links[made.link]))
+        for number, made in enumerate(link_shapes(body, names))
+        if not has_depth(made.geometry)
+    }
+
+
+@lru_cache(maxsize=MAX_KEPT)
+def _shapes_by(content: _Content) -> tuple[LinkShape, ...]:
+    return tuple(_of_link(content.link))
+
+
+@lru_cache(maxsize=MAX_KEPT)
+def _surface_for_contacts(content: _Content) -> coal.BVHModelOBB:
+    return surface_for_contacts(*content.link.whole)
+
+
+def _of_link(link: LinkBody) -> Iterator[LinkShape]:
+    pieces = [convex(*piece) for piece in link.pieces] if link.is_in_pieces else []
+    if len(pieces) == 1 and not link.has_surface:
+        yield LinkShape(link.name, pieces[0], margin_m=link.margin_m)
+        return
+    whole = link.whole
+    inside = link.enclosure if link.has_surface else whole
+    yield LinkShape(
+        link.name,
+        surface(*whole),
+        Enclosure(*inside),
+        margin_m=link.margin_m,
+        is_detail=not pieces,
+    )
+    yield from (LinkShape(link.name, piece, is_whole=False) for piece in pieces)

@@ -17,7 +17,7 @@ from planner.certificate.clusters import LEAF, Clusters, Shape, stated_pose, tre
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Interval, Pose
 from planner.certificate.touching import DistanceBounds
-from planner.scene.contact import coal_pose, coal_shape
+from planner.scene.coal_shapes import coal_pose, coal_shape
 
 ROUNDING_M = 1e-12
 MIN_LENGTH = 1e-6

@@ -1,7 +1,8 @@
-"""The fast yes or no of a collision check against distances computed pair by pair."""
+"""Collision checks compared with distances computed pair by pair, and the samples of a motion."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,24 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from baxter_kin import Arm
 from baxter_kin.errors import ConfigurationError
-from planner import Body, Box, Manipulator, Part, Scene, plan_joint_move
+from planner import Body, Box, Manipulator, Part, Scene, Trajectory, plan_joint_move
 from planner.collision import ClearanceChecker, ContinuousProof
-from planner.collision.context import CollisionContext, Touches
-from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
-from planner.errors import MotionError, SceneError
-from planner.scene.attachment import Attachment
-from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
+from planner.collision.context import (
+    SCREENING_STEP_RAD,
+    CollisionContext,
+    Touches,
+    bisecting,
+    looks_clear,
+    sample_times,
+)
+from planner.errors import MotionError, SceneError, TrajectoryError
+from planner.scene.bodies import Attachment
+from planner.scene.coal_shapes import has_depth
+from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.conftest import at, overhead
+from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT
 from tests.planner.walls import Room, wall
 
 FloatArray = NDArray[np.float64]
@@ -83,7 +93,7 @@ def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
 
 @settings(max_examples=25)  # each measures every pair
 @given(seeds, st.sampled_from([-PRESSING_TOLERANCE_M, -0.02]))
-def test_below_a_margin_of_zero_shapes_may_be_so_deep_inside_each_other(
+def test_a_negative_margin_allows_a_depth(
     room: Room, checker: ClearanceChecker, seed: int, margin_m: float
 ) -> None:
     full = next(room.manipulator.configurations(near(room, seed)[None], 0.02))
@@ -110,7 +120,7 @@ def test_free_ends_stay_free_under_any_margin(
 
 @settings(max_examples=30)
 @given(seeds, seeds)
-def test_what_keeps_a_margin_with_ends_is_free(
+def test_configurations_that_keep_a_margin_with_ends_are_free(
     room: Room, space: CollisionContext, seed: int, other: int
 ) -> None:
     end, q = near(room, seed), near(room, other)
@@ -130,9 +140,7 @@ def nearing(room: Room, body: str, within_m: float) -> FloatArray:
     raise AssertionError(f"the hand comes near no {body}")
 
 
-def test_an_end_weakens_the_margin_only_to_what_is_near_it(
-    room: Room, space: CollisionContext
-) -> None:
+def test_an_end_weakens_the_margin_only_of_near_shapes(room: Room, space: CollisionContext) -> None:
     near_table, near_wall = nearing(room, "table", 0.01), nearing(room, "wall", 0.01)
     guarded = space.with_margin(0.02, near_table)
 
@@ -152,7 +160,7 @@ def test_clearance_is_that_of_the_checker(room: Room, space: CollisionContext) -
     assert found.second == "wall"
 
 
-def test_spaces_on_one_checker_do_not_disturb_each_other(room: Room) -> None:
+def test_contexts_on_one_checker_are_independent(room: Room) -> None:
     qs = [near(room, seed) for seed in range(100)]
     first = room.space
     before = [first.is_free(q) for q in qs]
@@ -164,7 +172,7 @@ def test_spaces_on_one_checker_do_not_disturb_each_other(room: Room) -> None:
     assert [first.is_free(q) for q in qs] == before
 
 
-def test_fingers_may_touch_what_they_grasp_but_not_press_into_it(
+def test_fingers_may_touch_a_grasped_body_but_not_press_into_it(
     manipulator: Manipulator, scene: Scene, block: Body
 ) -> None:
     grasp = manipulator.ik.solve(overhead(0.7, 0.15, -0.129)).q
@@ -210,7 +218,7 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
         None,
     ],
 )
-def test_refuses_what_is_no_configuration(space: CollisionContext, q: Any) -> None:
+def test_refuses_an_invalid_configuration(space: CollisionContext, q: Any) -> None:
     for ask in (space.is_free, space.clearance, space.with_margin(0.01).is_free):
         with pytest.raises(ConfigurationError):
             ask(q)
@@ -218,14 +226,14 @@ def test_refuses_what_is_no_configuration(space: CollisionContext, q: Any) -> No
         space.with_margin(0.01, q)
 
 
-def test_takes_a_list_for_an_array(room: Room, space: CollisionContext) -> None:
+def test_accepts_a_list(room: Room, space: CollisionContext) -> None:
     q = room.beside(0.0)
 
     assert space.is_free(q.tolist()) == space.is_free(q)
 
 
 @pytest.mark.parametrize("margin", [-0.001, float("nan"), "1", None])
-def test_refuses_a_margin_that_is_none(
+def test_refuses_an_invalid_margin(
     manipulator: Manipulator, space: CollisionContext, margin: Any
 ) -> None:
     for ask in (
@@ -242,7 +250,7 @@ def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator) -> None:
         manipulator.context(Scene.of(), finger_m=1.0)
 
 
-def test_refuses_what_is_no_situation(room: Room) -> None:
+def test_refuses_an_invalid_checker_or_configuration(room: Room) -> None:
     bad: Any = "left"
     with pytest.raises(SceneError, match="checker"):
         CollisionContext(bad, room.full(np.zeros(7)))
@@ -250,7 +258,7 @@ def test_refuses_what_is_no_situation(room: Room) -> None:
         CollisionContext(room.checker, np.zeros(7))
 
 
-def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -> None:
+def test_free_configurations_keep_the_margin(manipulator: Manipulator, scene: Scene) -> None:
     walled = manipulator.context(scene.with_body(wall()), margin_m=MARGIN_M)
     rng = np.random.default_rng(3)
     qs = [manipulator.arm.random_configuration(rng) for _ in range(200)]
@@ -262,7 +270,7 @@ def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -
 
 @given(seed=seeds)
 @settings(max_examples=15)
-def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed: int) -> None:
+def test_a_clear_motion_is_proven(manipulator: Manipulator, table: Body, seed: int) -> None:
     bodies = Scene.of([table, wall()])
     context = manipulator.context(bodies, margin_m=MARGIN_M)
     rng = np.random.default_rng(seed)
@@ -276,7 +284,7 @@ def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed:
 
 @given(seed=seeds)
 @settings(max_examples=40)
-def test_the_nearest_of_a_proof_is_the_clearance_at_its_time(
+def test_the_smallest_distance_of_a_proof_is_the_clearance_at_its_time(
     manipulator: Manipulator, seed: int
 ) -> None:
     rng, arm = np.random.default_rng(seed), manipulator.arm
@@ -294,3 +302,98 @@ def test_the_nearest_of_a_proof_is_the_clearance_at_its_time(
     found = context.clearance(motion.sample(proof.nearest.time_s or 0.0).q)
     least_m = found.distance_m - DISTANCE_TOLERANCE_M
     assert least_m <= proof.nearest.distance_m <= found.distance_m + BODY_M
+
+
+MOVE = plan_joint_move(LEFT, RIGHT, LIMITS)
+
+
+def everywhere(_q: FloatArray) -> bool:
+    return True
+
+
+def nowhere(_q: FloatArray) -> bool:
+    return False
+
+
+def moving_move(arm: Arm, seed: int) -> Trajectory:
+    """Between two states that are not at rest, if there is one; else from rest to rest."""
+    rng = np.random.default_rng(seed)
+    start, goal = (arm.random_configuration(rng) for _ in range(2))
+    v = [0.3 * rng.uniform(-1, 1, 7) * arm.limits.v_max for _ in range(2)]
+    try:
+        return plan_joint_move(start, goal, arm.limits, v_start=v[0], v_goal=v[1])
+    except MotionError:
+        return plan_joint_move(start, goal, arm.limits)
+
+
+@settings(max_examples=25)
+@given(seeds, st.floats(0.02, 0.5))
+def test_no_joint_moves_farther_than_a_step_between_two_samples(
+    left: Arm, seed: int, step_rad: float
+) -> None:
+    move = moving_move(left, seed)
+    times = sample_times(move, step_rad)
+
+    for start, end in pairwise(times):
+        qs = move.sample(np.linspace(start, end, 10)).q
+        assert np.ptp(qs, axis=0).max() <= step_rad * (1 + 1e-9)
+
+
+@given(seeds)
+def test_both_ends_are_sampled(left: Arm, seed: int) -> None:
+    move = moving_move(left, seed)
+    times = sample_times(move, 0.1)
+
+    assert times[0] == 0.0
+    assert times[-1] == move.duration
+
+
+def test_a_motion_without_duration_is_one_sample() -> None:
+    assert sample_times(Trajectory.stay(LEFT, LIMITS), 0.1).tolist() == [0.0]
+
+
+def test_a_motion_that_rests_is_sampled_too() -> None:
+    none = np.zeros((2, 2))
+    wait = Trajectory(LIMITS, np.array([0.0, 1.0]), none, none, none, np.zeros((1, 2)))
+
+    assert looks_clear(wait, everywhere, 0.1)
+    assert not looks_clear(wait, nowhere, 0.1)
+
+
+@given(st.integers(0, 200))
+def test_bisection_contains_every_number_once(count: int) -> None:
+    assert sorted(bisecting(count)) == list(range(count))
+
+
+def test_bisection_takes_the_ends_then_the_middle_then_the_quarters() -> None:
+    assert bisecting(9)[:5] == (0, 8, 4, 2, 6)
+
+
+def test_a_motion_through_an_obstacle_is_rejected() -> None:
+    assert not looks_clear(MOVE, AROUND_DISC.is_free, 0.01)
+
+
+def test_the_middle_of_an_obstacle_is_found_with_the_third_sample() -> None:
+    asked: list[float] = []
+
+    def is_free(q: FloatArray) -> bool:
+        asked.append(DISC.distance(q))
+        return asked[-1] > 0.0
+
+    looks_clear(MOVE, is_free, 0.01)
+    assert len(asked) == 3
+
+
+@pytest.mark.parametrize("end", [LEFT, RIGHT])
+def test_a_motion_with_an_end_in_collision_is_rejected(end: FloatArray) -> None:
+    def elsewhere(q: FloatArray) -> bool:
+        return not np.array_equal(q, end)
+
+    assert not looks_clear(MOVE, elsewhere, 0.01)
+
+
+def test_refuses_a_motion_of_another_class(space: CollisionContext) -> None:
+    motion: Any = None
+    for ask in (space.is_clear, space.prove):
+        with pytest.raises(TrajectoryError):
+            ask(motion)

@@ -1,4 +1,4 @@
-"""Distances between shapes, and what counts as inside."""
+"""Distances between shapes, depths, enclosures, and the covers that bound distances."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.validation import FloatArray
 from planner import Body, Part, RobotShapes, Scene
 from planner.collision import ClearanceChecker
-from planner.collision.distances import Distances, Enclosure
-from planner.scene.attachment import Attachment
-from planner.scene.contact import PRESSING_TOLERANCE_M, surface
+from planner.collision.distances import Covers, Distances, Enclosure, placed_points
+from planner.scene.bodies import Attachment
+from planner.scene.coal_shapes import surface
+from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full
-from tests.planner.conftest import mesh_of
+from tests.planner.conftest import distance, mesh_of
 
 CUBE_M, BALL_M = 0.05, 0.02
 """Half of an edge, a radius."""
@@ -28,13 +30,13 @@ CUBE_M, BALL_M = 0.05, 0.02
 PADDING_M = 0.003
 
 GJK_M = 1e-6
-"""Where coal's iterations end, with its own tolerances."""
+"""Accuracy of coal's iterations with its default tolerance."""
 
 seeds = st.integers(0, 2**32 - 1)
 heights_m = st.floats(1e-4, 0.5)
 
 
-def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
+def test_shapes_of_unknown_depth_count_as_inside_each_other(
     robot: Baxter, left: Arm, shapes: RobotShapes
 ) -> None:
     tip = left.T_base_tip(left.neutral)
@@ -48,7 +50,7 @@ def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, inside: bool) -> None:
+def test_a_closed_surface_winds_about_points_inside(shapes: RobotShapes, inside: bool) -> None:
     enclosure = next(
         enclosure
         for enclosure, link in ((made.enclosure, made.link) for made in shapes.made)
@@ -67,7 +69,7 @@ def test_a_cube_winds_about_the_points_inside_it_and_no_others(seed: int) -> Non
         assert cube.winds_about(point) is bool(np.abs(point).max() < 1.0)
 
 
-def test_nothing_is_inside_of_what_encloses_nothing() -> None:
+def test_nothing_is_inside_an_empty_enclosure() -> None:
     assert not Enclosure.none().winds_about(np.zeros(3))
 
 
@@ -78,7 +80,7 @@ def measured(
     padding_m: float = 0.0,
     pieces: Mapping[int, Sequence[int]] | None = None,
 ) -> Distances:
-    """Of the first two of some shapes; pieces count no pairs of their own."""
+    """Distances of the first two of some shapes; pieces are not in pairs of their own."""
     geometry = pin.GeometryModel()
     for number, shape in enumerate(shapes):
         geometry.addGeometryObject(pin.GeometryObject(str(number), 0, ORIGIN, shape))
@@ -91,10 +93,10 @@ def placed(found: Distances, *poses: pin.SE3) -> Distances:
 
 
 @given(seeds, st.floats(0.0, 0.01))
-def test_balls_are_as_far_apart_as_their_middles_less_both_radii_and_the_padding(
+def test_the_distance_of_balls_is_that_of_their_centres_less_radii_and_padding(
     seed: int, padding_m: float
 ) -> None:
-    """Or as deep inside each other."""
+    """Or their depth."""
     rng = np.random.default_rng(seed)
     radii, away = rng.uniform(0.02, 0.2, 2), rng.uniform(-0.3, 0.3, 3)
     balls = [coal.Sphere(radius) for radius in radii.tolist()]
@@ -130,10 +132,10 @@ def cube_of_triangles(half_m: float) -> coal.CollisionGeometry:
 
 
 @given(st.lists(heights_m, min_size=1, max_size=6), heights_m)
-def test_a_distance_to_triangles_is_exact_below_what_is_asked_for_and_no_less_beyond(
+def test_a_distance_to_triangles_is_exact_within_the_given_range_and_a_bound_beyond(
     heights: list[float], within_m: float
 ) -> None:
-    """However far apart the two were before."""
+    """Whatever their distance was before."""
     shapes = [cube_of_triangles(CUBE_M), coal.Sphere(BALL_M)]
     pair = measured(shapes, [Enclosure.none(), None], padding_m=PADDING_M)
     for height_m in heights:
@@ -145,20 +147,8 @@ def test_a_distance_to_triangles_is_exact_below_what_is_asked_for_and_no_less_be
             assert found >= within_m - GJK_M
 
 
-@given(st.lists(heights_m, min_size=1, max_size=6), heights_m)
-def test_where_a_bound_will_do_it_is_between_what_is_asked_for_and_the_distance(
-    heights: list[float], exact_below_m: float
-) -> None:
-    pair = measured([cube_of_triangles(CUBE_M), coal.Sphere(BALL_M)], [Enclosure.none(), None])
-    for height_m in heights:
-        placed(pair, ORIGIN, at(0.01, 0.01, CUBE_M + BALL_M + height_m))
-        found = pair.measure(0, exact_below_m=exact_below_m)
-        assert found <= height_m + GJK_M
-        assert found >= min(exact_below_m, height_m) - GJK_M
-
-
 @pytest.mark.parametrize("depth_m", [0.001, 0.015])
-def test_how_deep_something_is_in_triangles_is_known_of_the_pieces_around_them(
+def test_the_depth_in_triangles_is_that_in_the_pieces_around_them(
     depth_m: float,
 ) -> None:
     shapes = [cube_of_triangles(CUBE_M), coal.Sphere(BALL_M), coal.Box(*[2 * CUBE_M] * 3)]
@@ -168,10 +158,110 @@ def test_how_deep_something_is_in_triangles_is_known_of_the_pieces_around_them(
 
 
 @pytest.mark.parametrize(("x_m", "is_inside"), [(0.0, True), (0.08, True), (0.2, False)])
-def test_a_ball_that_touches_no_triangle_may_be_inside_of_them(x_m: float, is_inside: bool) -> None:
-    """Of a plank, wherever it is turned to."""
+def test_a_ball_that_touches_no_triangle_may_be_inside(x_m: float, is_inside: bool) -> None:
+    """Inside a plank at any orientation."""
     corners = CORNERS * [0.11, 0.03, 0.03]
     shapes = [surface(corners, np.array(SIDES)), coal.Sphere(BALL_M)]
     pair = measured(shapes, [Enclosure(corners, np.array(SIDES)), None])
     T = pin.SE3(pin.exp3(np.array([0.3, -0.7, 0.9])), np.array([0.4, -0.1, 0.2]))
     assert placed(pair, T, T * at(x_m, 0.0, 0.0)).is_within(0) is is_inside
+
+
+ROUNDING_M = 1e-12
+
+MESH = CORNERS * [0.2, 0.03, 0.05] + [0.1, 0.0, 0.3]
+"""Corners of a plank beside its origin."""
+
+SHAPES = {
+    "box": coal.Box(0.3, 0.1, 0.02),
+    "ball": coal.Sphere(0.07),
+    "can": coal.Cylinder(0.05, 0.4),
+    "coin": coal.Cylinder(0.2, 0.01),
+    "mesh": surface(MESH, np.array(SIDES)),
+}
+
+
+def points_of(name: str) -> FloatArray:
+    """Points of its surface, including the farthest from its centre, shape (n, 3)."""
+    shape, angles = SHAPES[name], np.linspace(0.0, 2.0 * np.pi, 33)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    if isinstance(shape, coal.Box):
+        return np.asarray(CORNERS * shape.halfSide)
+    if isinstance(shape, coal.Sphere):
+        return np.concatenate([shape.radius * np.roll(ring, k, axis=1) for k in range(3)])
+    if isinstance(shape, coal.Cylinder):
+        ends = np.array([0.0, 0.0, shape.halfLength])
+        return np.concatenate([shape.radius * ring + ends, shape.radius * ring - ends])
+    return MESH
+
+
+def beside_segment_m(points: FloatArray, ends: FloatArray) -> FloatArray:
+    """Distances of points from a segment, shape (n,)."""
+    way = ends[1] - ends[0]
+    share = np.clip((points - ends[0]) @ way / max(way @ way, 1e-300), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - ends[0] - share[:, None] * way, axis=1))
+
+
+@pytest.fixture(scope="module")
+def covers() -> Covers:
+    return Covers.of(list(SHAPES.values()))
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_point_of_a_shape_is_inside_its_box_its_ball_and_its_capsule(
+    covers: Covers, name: str
+) -> None:
+    points, i = points_of(name), list(SHAPES).index(name)
+    assert (points >= covers.lowest[i] - ROUNDING_M).all()
+    assert (points <= covers.highest[i] + ROUNDING_M).all()
+    from_middle = np.linalg.norm(points - covers.centres[i], axis=1)
+    assert from_middle.max() <= covers.ball_radii[i] + ROUNDING_M
+    assert beside_segment_m(points, covers.ends[i]).max() <= covers.radii[i] + ROUNDING_M
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_balls_are_as_small_as_possible(covers: Covers, name: str) -> None:
+    i = list(SHAPES).index(name)
+    farthest = np.linalg.norm(points_of(name) - covers.centres[i], axis=1).max()
+    assert covers.ball_radii[i] == pytest.approx(farthest, abs=ROUNDING_M)
+
+
+@given(seeds)
+def test_gaps_are_lower_bounds_on_distances(covers: Covers, seed: int) -> None:
+    rng, shapes = np.random.default_rng(seed), list(SHAPES.values())
+    poses = [pin.SE3(pin.exp3(rng.normal(size=3)), 0.5 * rng.normal(size=3)) for _ in shapes]
+    first, second = (each.ravel() for each in np.indices((len(shapes), len(shapes))))
+    placed = np.array([[T.homogeneous for T in poses]])
+    gaps = covers.gaps_m(placed, np.zeros_like(first), first, second)
+    for i, k, gap in zip(first.tolist(), second.tolist(), gaps.tolist(), strict=True):
+        if i != k:
+            apart = distance(shapes[i], poses[i], shapes[k], poses[k])
+            assert gap <= max(apart, 0.0) + GJK_M
+
+
+def test_the_gap_of_a_ball_beside_a_box_is_their_distance() -> None:
+    covers = Covers.of([coal.Sphere(0.1), coal.Box(0.2, 0.2, 0.2)])
+    poses = np.array([np.eye(4), np.eye(4)])
+    poses[0, :3, 3] = [0.5, 0.5, 0.0]
+    [gap] = covers.gaps_m(poses[None], *(np.array([n]) for n in (0, 0, 1)))
+    assert gap == pytest.approx(0.4 * np.sqrt(2.0) - 0.1)
+
+
+def test_the_covers_of_added_shapes_come_last(covers: Covers) -> None:
+    shapes = list(SHAPES.values())
+    joined = Covers.of(shapes[:2]).with_those_of(shapes[2:])
+    for one, other in zip(joined, covers, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@given(seeds)
+def test_points_are_placed_as_each_pose_acts_on_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    poses = [
+        [pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(3)]
+        for _ in range(2)
+    ]
+    points = rng.normal(size=(3, 4, 3))
+    found = placed_points(np.array([[T.homogeneous for T in row] for row in poses]), points)
+    for m, n, k in np.ndindex(2, 3, 4):
+        np.testing.assert_allclose(found[m, n, k], poses[m][n].act(points[n, k]), atol=ROUNDING_M)

@@ -16,11 +16,11 @@ from baxter_kin.validation import FloatArray, Indices
 from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.certificate.motion import carried
 from planner.clearance import Clearance, ContinuousContact, ContinuousProof
+from planner.collision import proof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.continuous import proof
-from planner.collision.continuous.proof import prove_move
 from planner.collision.mover import Mover, Walk, about_z
+from planner.collision.proof import prove_move
 from planner.prover.kernel import SHARES
 
 GJK_M = 2e-6
@@ -145,7 +145,7 @@ def test_no_distance_changes_by_more_than_the_bound(
     assert (np.abs(after - before) <= bound + GJK_M)[apart].all()
 
 
-def test_where_only_the_other_arm_turns_pairs_without_it_keep_their_distance(
+def test_pairs_keep_their_distance_when_only_the_other_arm_turns(
     robot: Baxter, checker: BothArms, full: FloatArray, neutral: FloatArray
 ) -> None:
     bounds, pairs = checker.motion_bounds, checker.pairs
@@ -201,7 +201,7 @@ def poses_on(walk: Walk, q: FloatArray) -> FloatArray:
 
 
 @given(seeds)
-def test_a_walk_meets_base_and_every_link_where_they_are(robot: Baxter, seed: int) -> None:
+def test_a_walk_passes_base_and_every_link_at_their_poses(robot: Baxter, seed: int) -> None:
     """Outbound and on the way back, seen from base, to which the walk returns."""
     mover = Mover.of(robot.arm("left"), robot.arm("right"))
     walk, limits = Walk.of(mover), mover.limits
@@ -253,7 +253,7 @@ def random_motion(checker: BothArms, neutral: FloatArray, seed: int) -> Trajecto
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_clear_motions_of_both_arms_are_proven_as_clear_as_samples_find_them(
+def test_the_proven_distance_of_both_arms_is_that_of_samples(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int
 ) -> None:
     motion = random_motion(checker, neutral, seed)
@@ -267,7 +267,7 @@ def test_clear_motions_of_both_arms_are_proven_as_clear_as_samples_find_them(
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_where_both_arms_collide_the_pair_and_the_instant_are_found(
+def test_a_collision_of_both_arms_is_found_with_its_pair_and_time(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int
 ) -> None:
     """The hands go through each other; where they start they are apart."""

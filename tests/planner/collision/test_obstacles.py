@@ -8,7 +8,7 @@ import pytest
 from baxter_kin.validation import FloatArray
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.collision.context import CollisionContext
-from planner.collision.obstacles import LOOKS, REACH_M, Obstacles
+from planner.collision.obstacles import REACH_M, SAMPLES, Obstacles
 from planner.splines import weights_at
 from tests.conftest import at
 
@@ -42,7 +42,7 @@ def positions(controls: FloatArray, weights: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nji,ni->nj", windows, weights))
 
 
-def test_bounds_are_the_distances_there_and_change_as_they_do(
+def test_bounds_are_distances_and_their_derivatives(
     around: CollisionContext, controls: FloatArray
 ) -> None:
     """Against distances of moved configurations, which are measured on their own."""
@@ -72,14 +72,14 @@ def test_each_interval_is_bounded_where_it_is_nearest(
 ) -> None:
     obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
-    for fraction in np.arange(LOOKS) / LOOKS:
+    for fraction in np.arange(SAMPLES) / SAMPLES:
         weights = np.tile(weights_at(np.array([fraction])), (INTERVALS, 1))
         others = [least_excess(obstacles, q) for q in positions(controls, weights)]
         chosen = [least_excess(obstacles, q) for q in positions(controls, bounds.weights)]
         assert (np.array(chosen) <= np.array(others) + 1e-9).all()
 
 
-def test_hulls_are_never_farther_than_the_shapes(
+def test_hulls_are_never_farther_apart_than_the_shapes(
     around: CollisionContext, controls: FloatArray
 ) -> None:
     obstacles = obstacles_of(around, NONE, 0.0)
@@ -87,7 +87,7 @@ def test_hulls_are_never_farther_than_the_shapes(
         assert least_excess(obstacles, q) <= around.clearance(q).distance_m + 1e-6
 
 
-def test_less_than_the_margin_is_asked_for_where_less_is_there(
+def test_a_smaller_distance_is_required_where_the_arm_rests_closer(
     around: CollisionContext, manipulator: Manipulator
 ) -> None:
     wide_m = 0.2

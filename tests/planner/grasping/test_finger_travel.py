@@ -1,4 +1,4 @@
-"""Fingers on their way: nothing stands in it, nothing is pushed into anything."""
+"""Travelling fingers: they touch nothing, and push no body into another."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ PLACE = pose_from_quaternion((0.75, 0.0, -0.139), DOWN)
 Z_TABLE = -0.155
 SAMPLES = 200
 PROOF_M, ROUNDING_M = 2e-5, 1e-9
+"""Difference of two runs of GJK, and the accuracy that a proof allows for."""
 
 BODY_M = 1e-3
-"""The fingers' pieces contain their meshes, which proofs are of; twice half a millimetre."""
-"""What two runs of GJK and the accuracy that a proof allows for may differ by."""
+"""Twice half a millimetre: proofs use the fingers' meshes, which their convex pieces contain."""
 
 
 def box(name: str, size: tuple[float, float, float], x: float, y: float, z: float) -> Body:
@@ -65,13 +65,12 @@ def openings(plan: Plan) -> list[float | None]:
     return [step.opening_m for step in plan if isinstance(step, Grip)]
 
 
-class TestBelieved:
-    """What plans said of fingers, and was not so."""
+class TestFalsePlans:
+    """Plans that were wrong about fingers once."""
 
-    def test_fingers_may_close_through_a_post_between_open_and_closed_pad(
+    def test_fingers_open_only_as_far_as_a_post_allows(
         self, manipulator: Manipulator, table: Body
     ) -> None:
-        """They open only as far as the post leaves them room."""
         plan = planned(manipulator, table, cube(), post(0.015, 0.0226))
         assert plan.is_valid, str(plan.failure)
         opening_m = openings(plan)[0]
@@ -79,7 +78,7 @@ class TestBelieved:
         widths_m = manipulator.hand.closed_gap_m + 2 * opening_m
         assert 0.02 + 2 * MIN_FINGER_CLEARANCE_M <= widths_m < 2 * (0.0226 - 0.004)
 
-    def test_fingers_may_close_through_a_post_that_leaves_no_room(
+    def test_a_post_beside_the_body_makes_the_pick_fail(
         self, manipulator: Manipulator, table: Body
     ) -> None:
         plan = planned(manipulator, table, cube(), post(0.0, 0.0145))
@@ -88,7 +87,7 @@ class TestBelieved:
         assert "post" in plan.failure.reason
         assert plan.failure.is_certain
 
-    def test_fingers_may_open_through_what_stands_beside_the_place(
+    def test_fingers_open_only_as_far_as_a_fence_at_the_place_allows(
         self, manipulator: Manipulator, table: Body
     ) -> None:
         fence = box("fence", (0.1, 0.006, 0.06), 0.75, 0.034, Z_TABLE + 0.03)
@@ -98,10 +97,10 @@ class TestBelieved:
         assert opening_m is not None
         assert opening_m < manipulator.hand.stroke_m
 
-    def test_only_the_pads_can_be_inside_what_the_hand_grasps(
+    def test_fingers_must_not_be_inside_the_grasped_body(
         self, manipulator: Manipulator, table: Body
     ) -> None:
-        """A stem with a crossbar above it, which the fingers would stand in."""
+        """A stem with a crossbar above it, which the fingers would be inside of."""
         z = Z_TABLE
         for width_m in (0.030, 0.045, 0.055):
             parts = (
@@ -129,7 +128,7 @@ def at_height(x: float, y: float, z: float) -> pin.SE3:
     return pose_from_quaternion((x, y, z), DOWN)
 
 
-def test_the_fingers_open_all_the_way_where_nothing_is_in_it(
+def test_the_fingers_open_fully_where_nothing_blocks_them(
     manipulator: Manipulator, table: Body
 ) -> None:
     plan = planned(manipulator, table, cube())
@@ -137,10 +136,8 @@ def test_the_fingers_open_all_the_way_where_nothing_is_in_it(
     assert all(step.proof is not None for step in plan)
 
 
-def test_a_margin_is_kept_by_fingers_on_their_way(
-    robot: Baxter, plain: RobotBody, table: Body
-) -> None:
-    """Boxes for fingers: the way that they lose is what they must be farther away."""
+def test_travelling_fingers_keep_a_margin(robot: Baxter, plain: RobotBody, table: Body) -> None:
+    """For fingers of boxes, the opening shrinks by the additional margin."""
     manipulator = Manipulator.of(robot, "left", body=plain)
     wide, narrow = (
         openings(planned(manipulator, table, cube(), post(0.015, 0.030), margin_m=margin_m))[0]
@@ -158,7 +155,7 @@ def test_a_margin_is_kept_by_fingers_on_their_way(
     turn=st.floats(-1.5, 1.5),
     edge=st.floats(0.002, 0.03),
 )
-def test_no_sample_of_the_way_is_nearer_than_proven_and_contacts_are_there(
+def test_no_sample_is_nearer_than_proven_and_reported_contacts_exist(
     manipulator: Manipulator, x: float, y: float, turn: float, edge: float
 ) -> None:
     hand, T = manipulator.hand, PICK
@@ -183,14 +180,14 @@ def test_no_sample_of_the_way_is_nearer_than_proven_and_contacts_are_there(
 
 @settings(max_examples=15)
 @given(off=st.floats(-0.006, 0.006), gap=st.floats(-0.001, 0.01))
-@example(off=0.00390625, gap=PROOF_M)  # which rounding decides
-def test_what_a_finger_pushes_hits_its_neighbour_or_not(
+@example(off=0.00390625, gap=PROOF_M)  # a case that rounding decides
+def test_a_pushed_body_hits_its_neighbour_exactly_when_it_is_near_enough(
     manipulator: Manipulator, off: float, gap: float
 ) -> None:
     """A cube beside the middle is pushed by one finger, towards a wall that stands further in."""
     body = cube(x=0.7, y=0.15 + off)
     assume(abs(off) > 1e-4)
-    assume(abs(off) + gap > PRESSING_TOLERANCE_M)  # else it stands against the rail to begin with
+    assume(abs(off) + gap > PRESSING_TOLERANCE_M)  # else it touches the rail from the start
     away = -float(np.sign(off))
     rail_y = 0.15 + off + away * (0.01 + abs(off) + gap + 0.001)
     rail = box("rail", (0.05, 0.002, 0.004), 0.7, rail_y, Z_TABLE + 0.002)
@@ -203,8 +200,8 @@ def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     assert (pair == {"cube", "rail"}) == (gap < 0.0) or abs(gap) < PROOF_M + ROUNDING_M
 
 
-def test_fingers_are_stopped_by_the_own_robot_too(manipulator: Manipulator) -> None:
-    """A proof at a configuration counts the other links; in neutral all are far."""
+def test_a_proof_of_fingers_counts_the_other_links(manipulator: Manipulator) -> None:
+    """At the neutral configuration all are far."""
     hand = manipulator.hand
     travel = FingerTravel(Scene.of(), 0.0, hand.stroke_m)
     result = prove_travel(manipulator, (travel,), manipulator.arm.neutral)

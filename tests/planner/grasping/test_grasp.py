@@ -1,4 +1,4 @@
-"""What comes of closing: why a hand misses, and how much of a pad is on what it holds."""
+"""Results of closing a hand: reasons of a miss, and the overlap of pads with a held body."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def closed_on(hand: Hand, body: Body) -> Grasp | Miss:
 
 
 def lower(pad_m: float, edge_m: float = 0.04) -> Body:
-    """A cube of which so much is between the pads, the rest below them."""
+    """A cube with `pad_m` of it between the pads, the rest below them."""
     return make_block("cube", at(0.0, 0.0, PAD_BOTTOM_M - pad_m + edge_m / 2), edge_m=edge_m)
 
 
 @given(st.floats(MIN_PAD_M + 1e-6, 0.036))
-def test_how_much_of_a_pad_holds_is_told(hand: Hand, pad_m: float) -> None:
+def test_a_grasp_states_the_length_of_a_pad_on_the_body(hand: Hand, pad_m: float) -> None:
     assume(abs(pad_m - NEAR_EDGE_M) > ROUNDING_M)
     grasp = closed_on(hand, lower(pad_m))
     assert isinstance(grasp, Grasp)
@@ -49,7 +49,9 @@ def test_how_much_of_a_pad_holds_is_told(hand: Hand, pad_m: float) -> None:
 
 
 @given(st.floats(1e-4, MIN_PAD_M - 1e-6))
-def test_too_little_of_a_pad_is_a_miss_with_its_number(hand: Hand, pad_m: float) -> None:
+def test_too_little_of_a_pad_on_the_body_is_a_miss_with_that_length(
+    hand: Hand, pad_m: float
+) -> None:
     miss = closed_on(hand, lower(pad_m))
     assert isinstance(miss, Miss)
     assert miss.kind is MissKind.EDGE
@@ -58,7 +60,7 @@ def test_too_little_of_a_pad_is_a_miss_with_its_number(hand: Hand, pad_m: float)
 
 
 @given(st.floats(-0.03, 0.03), st.floats(-0.02, 0.01))
-def test_the_centre_is_off_the_pads_by_what_lies_beside_them(
+def test_the_centre_is_off_the_pads_by_its_distance_beside_them(
     hand: Hand, x: float, z: float
 ) -> None:
     grasp = closed_on(hand, make_block("cube", at(x, 0.0, z), edge_m=0.045))
@@ -83,7 +85,7 @@ def test_a_small_body_wholly_between_the_pads_is_not_near_their_edge(hand: Hand)
         (make_block("b", at(0, 0.012, -0.015)), MissKind.NOT_BETWEEN, "reaches into a finger"),
     ],
 )
-def test_a_miss_says_which_kind_and_names_the_body(
+def test_a_miss_states_its_kind_and_names_the_body(
     hand: Hand, body: Body, kind: MissKind, text: str
 ) -> None:
     miss = closed_on(hand, body)
@@ -101,9 +103,7 @@ def test_only_the_part_that_is_touched_counts(hand: Hand) -> None:
 
 
 @given(st.floats(-0.0035, 0.0035), st.floats(-0.1, 0.1))
-def test_a_grasp_is_what_closing_leads_to_and_none_is_a_miss(
-    hand: Hand, y: float, yaw: float
-) -> None:
+def test_closing_gives_a_grasp_or_a_miss(hand: Hand, y: float, yaw: float) -> None:
     T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, y, -0.015]))
     body = make_block("b", ORIGIN).at(T)
     found, grasp = closed_on(hand, body), grasp_of(hand, ORIGIN, body, hand.stroke_m)

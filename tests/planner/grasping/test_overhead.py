@@ -135,7 +135,7 @@ def test_a_cube_is_grasped_within_45_degrees_of_the_preferred_yaw(
 
 
 @given(preferred=yaws_rad)
-def test_something_round_is_grasped_at_the_preferred_yaw(
+def test_a_round_body_is_grasped_at_the_preferred_yaw(
     hands: dict[str, Hand], preferred: float
 ) -> None:
     tin = Body("tin", (Part(Cylinder(0.02, 0.06), ORIGIN),), at(0.7, 0.1, -0.125))
@@ -166,7 +166,7 @@ def test_the_narrow_side_may_be_too_thin(hands: dict[str, Hand]) -> None:
     ("side", "edge_m", "kind"),
     [("right", 0.05, MissKind.TOO_WIDE), ("left", 0.01, MissKind.TOO_THIN)],
 )
-def test_what_fits_at_no_yaw_is_told_by_the_hand(
+def test_a_body_that_fits_at_no_yaw_is_a_miss(
     hands: dict[str, Hand], side: str, edge_m: float, kind: MissKind
 ) -> None:
     miss = closed(hands[side], standing(edge_m, edge_m, 0.05))
@@ -224,14 +224,14 @@ def test_more_clearance_lifts_the_tip(hands: dict[str, Hand]) -> None:
         ({"clear_m": -0.01}, "clear_m"),
     ],
 )
-def test_refuses_what_is_no_option(
+def test_refuses_invalid_options(
     hands: dict[str, Hand], options: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(SceneError, match=words):
         overhead_grasp(hands["left"], standing(0.04, 0.04, 0.04), **options)
 
 
-def test_refuses_what_is_no_hand_and_no_body(hands: dict[str, Hand]) -> None:
+def test_refuses_arguments_of_another_class(hands: dict[str, Hand]) -> None:
     nothing: Any = None
     with pytest.raises(SceneError, match="hand must be"):
         overhead_grasp(nothing, standing(0.04, 0.04, 0.04))
@@ -258,7 +258,7 @@ def test_it_turns_where_a_neighbour_leaves_no_room_for_a_finger(
         )
 
 
-def test_something_round_is_grasped_beside_its_neighbours(real_hands: dict[str, Hand]) -> None:
+def test_a_round_body_is_grasped_beside_its_neighbours(real_hands: dict[str, Hand]) -> None:
     hand = real_hands["left"]
     tin = Body("tin", (Part(Cylinder(0.02, 0.06), ORIGIN),), at(0.7, 0.1, -0.125))
     others = [Body(f"{y:g}", tin.parts, at(0.7, 0.1 + y, -0.125)) for y in (-0.045, 0.045)]
@@ -267,7 +267,7 @@ def test_something_round_is_grasped_beside_its_neighbours(real_hands: dict[str, 
     assert min(gap_m(f, other.placed_parts[0]) for f in fingers for other in others) > 0.0
 
 
-def test_what_neighbours_enclose_is_grasped_as_if_they_were_not_there(
+def test_enclosing_neighbours_are_ignored(
     real_hands: dict[str, Hand],
 ) -> None:
     body = standing(0.05, 0.04, 0.05)
@@ -281,7 +281,7 @@ def test_what_neighbours_enclose_is_grasped_as_if_they_were_not_there(
 
 
 @pytest.mark.parametrize("nothing", [None, 5, "block", ["block"]])
-def test_neighbours_are_bodies(hands: dict[str, Hand], nothing: Any) -> None:
+def test_refuses_invalid_neighbours(hands: dict[str, Hand], nothing: Any) -> None:
     with pytest.raises(SceneError, match="neighbours"):
         overhead_grasp(hands["left"], standing(0.04, 0.04, 0.04), neighbours=nothing)
 

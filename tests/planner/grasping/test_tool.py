@@ -1,3 +1,5 @@
+"""Tools on the flange: their distances, their motions, and plans of the other arm around them."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -69,7 +71,7 @@ def nearest_m(robot: Baxter, q: np.ndarray[tuple[int], np.dtype[np.float64]], bo
 
 
 @pytest.mark.parametrize("gap_m", [0.003, 0.02, 0.05])
-def test_the_distance_below_its_end_is_what_arithmetic_says(robot: Baxter, gap_m: float) -> None:
+def test_the_distance_below_its_end_is_that_of_its_ball(robot: Baxter, gap_m: float) -> None:
     tip = down(0.7, 0.2, 0.1)
     q = IKService(robot.arm("left")).solve(tip).q
     plate_m = 0.02
@@ -97,7 +99,7 @@ def test_every_part_of_it_counts(robot: Baxter) -> None:
     assert gap_m - 2e-5 <= nearest_m(robot, q, ball) <= gap_m + 1e-6
 
 
-def test_a_way_around_a_wall_is_found_and_none_through_it(robot: Baxter) -> None:
+def test_a_free_move_goes_around_a_wall(robot: Baxter) -> None:
     arm, q_others = robot.arm("left"), robot.configuration()
     ik = IKService(arm)
     q_start, q_goal = (ik.solve(down(0.7, y, 0.0)).q for y in (0.2, -0.1))
@@ -116,7 +118,7 @@ def test_a_way_around_a_wall_is_found_and_none_through_it(robot: Baxter) -> None
     assert min(lengths) > 0.0
 
 
-def test_a_free_space_is_for_a_robot_and_a_whole_configuration(robot: Baxter) -> None:
+def test_a_collision_context_refuses_a_partial_configuration(robot: Baxter) -> None:
     checker = ClearanceChecker(RobotShapes(robot), robot.arm("left"), Scene.of())
     with pytest.raises(ConfigurationError):
         CollisionContext(checker, np.zeros(7))
@@ -124,7 +126,7 @@ def test_a_free_space_is_for_a_robot_and_a_whole_configuration(robot: Baxter) ->
         CollisionContext("checker", robot.configuration())  # type: ignore[arg-type]
 
 
-def test_picking_with_it_ends_in_one_sentence(robot: Baxter) -> None:
+def test_a_manipulator_refuses_an_arm_without_fingers(robot: Baxter) -> None:
     with pytest.raises(SceneError, match=r"the left hand of this robot has no fingers: .* mount"):
         Manipulator.of(robot, "left")
 
@@ -154,7 +156,7 @@ def test_the_other_arm_keeps_clear_of_it_and_verification_counts_it() -> None:
     assert "tool" in str(refused.failure)
 
 
-def test_a_tool_of_meshes_is_refused() -> None:
+def test_refuses_a_tool_of_meshes() -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 0.1
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     body = Body("wedge", (Part(Mesh(corners, faces), at(0, 0, 0)),), at(0, 0, 0))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError
 from planner import Manipulator, Scene, Trajectory, plan_joint_move
-from planner.collision.continuous.proof import prove_clear
-from planner.collision.sampling import looks_clear, sample_times
+from planner.collision.context import looks_clear, sample_times
+from planner.collision.proof import prove_clear
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.free_move import MAX_SEARCHES, IsClear, plan_free_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE

@@ -8,7 +8,7 @@ import pytest
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import Trajectory, plan_joint_move
-from planner.collision.continuous.joint_tube import JointTube
+from planner.collision.tube_proof import JointTube
 from planner.motion.off_path import CELLS, OffPath
 
 HAND = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.06, 0.06) for z in (-0.15, 0.02)])

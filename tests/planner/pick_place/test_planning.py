@@ -41,7 +41,7 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.errors import MotionError, SceneError, TaskError
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.scene.contact import touching
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.bodies import grasp_of

@@ -14,7 +14,7 @@ from baxter_kin.errors import ConfigurationError, PoseError
 from planner import LineTolerance, Manipulator, PickAndPlace, Scene, plan_retract
 from planner.errors import MotionError, SceneError, TaskError
 from planner.pick_place.task import PlanRequest
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from tests.conftest import at
 from tests.planner.pick_place.conftest import PICK, PLACE
 
@@ -128,7 +128,7 @@ def test_a_start_outside_the_limits_is_refused_naming_the_joint(
 
 
 def test_a_negative_margin_is_refused(manipulator: Manipulator, scene: Scene) -> None:
-    with pytest.raises(MotionError, match=r"a safety margin is not negative, got -0\.001 m"):
+    with pytest.raises(MotionError, match=r"a safety margin must not be negative, got -0\.001 m"):
         PlanRequest(manipulator, scene, manipulator.arm.start, -0.001)
 
 

@@ -1,44 +1,27 @@
-"""Contacts against geometry by hand."""
+"""Contacts and travels compared with arithmetic."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import BaxterError
 from planner import Body, Box, Cylinder, Part, Scene, Sphere
-from planner.collision.distances import ACCURACY_M
-from planner.errors import SceneError
 from planner.scene.bodies import Shape
-from planner.scene.contact import (
-    MAX_TOUCHED_TRIANGLES,
-    PartContact,
-    coal_pose,
-    coal_shape,
-    convex_pieces,
-    part_contacts,
-    shape_of,
-    touching,
-    travel_to_contact,
-)
-from planner.scene.mesh import Mesh
+from planner.scene.coal_shapes import coal_shape
+from planner.scene.contact import PartContact, part_contacts, touching, travel_to_contact
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import distance, hull, mesh_of
 
 CONTACT_TOLERANCE_M = 1e-6
-"""Where a rounded shape touches, distances are found to 1e-8, at grazing angles magnified."""
-
-FINE_TOLERANCE = 1e-10
-"""Of GJK, where coal's own, 1e-6, leaves the direction of the distance too coarse."""
+"""Distances to rounded shapes are accurate to 1e-8, magnified at grazing angles."""
 
 X, Y, Z = np.eye(3)
 ORIGIN = at(0.0, 0.0, 0.0)
@@ -52,21 +35,11 @@ metres = st.floats(0.01, 0.1)
 @pytest.mark.parametrize(
     ("gap", "names"), [(0.0, {"slab"}), (4e-4, {"slab"}), (-0.01, {"slab"}), (6e-4, set())]
 )
-def test_bodies_touch_within_what_a_contact_may_press(gap: float, names: set[str]) -> None:
+def test_bodies_touch_within_the_pressing_tolerance(gap: float, names: set[str]) -> None:
     cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.0, 0.0, 0.025 + gap))
     slab = Body("slab", (Part(Box((0.2, 0.2, 0.04)), ORIGIN),), at(0.0, 0.0, -0.02))
     scene = Scene.of([cube, slab, Body("far", (Part(Sphere(0.02), ORIGIN),), at(1.0, 1.0, 1.0))])
     assert touching(cube, scene) == names
-
-
-@pytest.mark.parametrize("shape", [CUBE, Cylinder(0.02, 0.1), Sphere(0.03)])
-def test_a_shape_survives_the_way_to_coal_and_back(shape: Any) -> None:
-    assert shape_of(coal_shape(shape)) == shape
-
-
-def test_a_shape_that_is_not_known_is_refused_by_name() -> None:
-    with pytest.raises(SceneError, match="not Cone"):
-        shape_of(coal.Cone(0.1, 0.1))
 
 
 def placed(shape: Any, x: float, y: float = 0.0, z: float = 0.0) -> Part:
@@ -126,7 +99,7 @@ def test_a_cylinder_travels_to_a_cylinder_as_circles_do(
 
 
 @given(seeds)
-def test_shapes_touch_where_they_are_said_to_and_not_before(seed: int) -> None:
+def test_shapes_touch_at_the_end_of_their_travel_and_not_before(seed: int) -> None:
     rng = np.random.default_rng(seed)
     moving, still = random_part(rng, 0.0), random_part(rng, 0.3)
     way = still.T_body_part.translation - moving.T_body_part.translation
@@ -172,45 +145,23 @@ def test_a_shape_that_moves_away_never_touches() -> None:
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_close_in_need_no_travel(x: float) -> None:
+def test_shapes_in_contact_that_approach_need_no_travel(x: float) -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, x), 1.0) == 0.0
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_part_or_slide_do_not_touch_again(x: float) -> None:
+def test_shapes_in_contact_that_separate_or_slide_do_not_touch_again(x: float) -> None:
     for direction in (-X, Y, -Y, Z):
         assert travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, x), 1.0) is None
 
 
-def test_a_contact_farther_than_the_room_is_none() -> None:
+def test_a_contact_beyond_the_maximum_distance_is_not_reported() -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
 
 
-def test_a_contact_at_the_end_of_the_room_counts() -> None:
+def test_a_contact_at_the_maximum_distance_counts() -> None:
     travel = travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.15)
     assert travel == pytest.approx(0.15, abs=CONTACT_TOLERANCE_M)
-
-
-@pytest.mark.parametrize(
-    "direction",
-    [None, "x", [1.0, 0.0], [0.0] * 3, [2.0, 0.0, 0.0], [np.nan] * 3, [np.inf, 0.0, 0.0], 1.0],
-)
-def test_a_direction_that_is_none_is_refused(direction: Any) -> None:
-    with pytest.raises(SceneError, match="direction"):
-        travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, 0.2), 1.0)
-
-
-@pytest.mark.parametrize("room", [None, "far", np.nan, np.inf, []])
-def test_room_that_is_no_length_is_refused(room: Any) -> None:
-    with pytest.raises(SceneError, match="room_m"):
-        travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), room)
-
-
-@pytest.mark.parametrize("bad", [None, CUBE, "part"])
-def test_what_is_no_part_cannot_touch(bad: Any) -> None:
-    for first, second in ((bad, placed(CUBE, 0.2)), (placed(CUBE, 0.2), bad)):
-        with pytest.raises(BaxterError):
-            travel_to_contact(first, X, second, 1.0)
 
 
 SOLID = mesh_of(CORNERS / 10, SIDES)
@@ -218,93 +169,11 @@ OPEN = mesh_of(CORNERS / 10, SIDES[:-1])
 """A box of 20 cm, whole and without one triangle of its sides."""
 
 
-def surface_of(mesh: Mesh, seed: int) -> FloatArray:
-    """Points spread over the triangles, shape (k, 3)."""
-    weights = np.random.default_rng(seed).dirichlet(np.ones(3), size=(len(mesh.triangles), 20))
-    points: FloatArray = np.einsum("tkc,tcx->tkx", weights, mesh.corners).reshape(-1, 3)
-    return points
-
-
-@given(seeds, st.floats(0.01, 2.0))
-def test_a_solid_mesh_is_as_far_away_as_the_box_it_is(seed: int, apart: float) -> None:
-    rng = np.random.default_rng(seed)
-    T = random_pose(rng, apart)
-    box, ball = coal_shape(Box((0.2, 0.2, 0.2))), coal_shape(Sphere(0.05))
-    as_box, as_mesh = (distance(shape, ORIGIN, ball, T) for shape in (box, coal_shape(SOLID)))
-    assert as_mesh == pytest.approx(as_box, abs=CONTACT_TOLERANCE_M)
-
-
-@given(seeds, st.floats(0.5, 2.0))
-def test_an_open_mesh_is_as_far_away_as_its_nearest_triangle(seed: int, apart: float) -> None:
-    T, ball = random_pose(np.random.default_rng(seed), apart), coal_shape(Sphere(0.05))
-    nearest = min(distance(piece, ORIGIN, ball, T) for piece in convex_pieces(OPEN))
-    whole = distance(coal_shape(OPEN), ORIGIN, ball, T)
-    sampled = np.linalg.norm(surface_of(OPEN, seed) - T.translation, axis=1).min() - 0.05
-    assert whole == pytest.approx(nearest, abs=CONTACT_TOLERANCE_M)
-    assert whole <= sampled + CONTACT_TOLERANCE_M
-
-
-def test_what_is_wholly_inside_an_open_mesh_touches_nothing() -> None:
-    inside = distance(coal_shape(OPEN), ORIGIN, coal_shape(Sphere(0.02)), ORIGIN)
-    assert inside == pytest.approx(0.08)
-
-
-def test_what_is_inside_a_solid_mesh_is_deep_in_it() -> None:
-    assert distance(coal_shape(SOLID), ORIGIN, coal_shape(Sphere(0.02)), ORIGIN) < -0.1
-
-
 @pytest.mark.parametrize("still", [SOLID, OPEN])
 @pytest.mark.parametrize("moving", [CUBE, hull(CORNERS / 40), mesh_of(CORNERS / 40, SIDES[1:])])
 def test_a_shape_travels_to_a_mesh_by_the_gap_between_them(moving: Any, still: Any) -> None:
     travel = travel_to_contact(placed(moving, 0.01, 0.02, 0.4), -Z, placed(still, 0.0), 1.0)
     assert travel == pytest.approx(0.4 - 0.1 - 0.025, abs=CONTACT_TOLERANCE_M)
-
-
-def test_an_open_mesh_of_many_triangles_cannot_be_touched_on_purpose() -> None:
-    count = MAX_TOUCHED_TRIANGLES // len(OPEN.triangles) + 1
-    vertices = np.concatenate([OPEN.vertices + k * X / 100 for k in range(count)])
-    triangles = np.concatenate([OPEN.triangles + 8 * k for k in range(count)])
-    with pytest.raises(SceneError, match="convex hull"):
-        convex_pieces(mesh_of(vertices, triangles))
-
-
-def random_pose(rng: np.random.Generator, apart: float) -> pin.SE3:
-    quat, direction = rng.normal(size=4), rng.normal(size=3)
-    R = pin.Quaternion(*(quat / np.linalg.norm(quat))).matrix()
-    return pin.SE3(R, apart * direction / np.linalg.norm(direction))
-
-
-def random_shape(rng: np.random.Generator) -> Shape:
-    x, y, z = (10 ** rng.uniform(-3, 0, size=3)).tolist()
-    points = x * rng.normal(size=(rng.integers(4, 40), 3)) / 3
-    return (Box((x, y, z)), Cylinder(x, y), Sphere(x), hull(points))[rng.integers(4)]
-
-
-def widest_slab_m(first: Part, second: Part, axes: FloatArray) -> float:
-    """The widest gap between two planes across one of the axes, shape (k, 3), that part them."""
-    gaps = []
-    for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
-        low, high = Body("first", (first,), ORIGIN).extent_m(axis)
-        other_low, other_high = Body("second", (second,), ORIGIN).extent_m(axis)
-        gaps.append(max(other_low - high, low - other_high))
-    return max(gaps)
-
-
-@settings(max_examples=100)
-@given(seeds)
-def test_distances_are_not_longer_than_the_slab_between_the_shapes(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    first = Part(random_shape(rng), ORIGIN)
-    second = Part(random_shape(rng), random_pose(rng, rng.uniform(0.0, 2.0)))
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    arguments = [(coal_shape(p.shape), coal_pose(p.T_body_part)) for p in (first, second)]
-    found = coal.distance(*arguments[0], *arguments[1], request, result)
-    if found > 0.0:
-        request.gjk_tolerance = FINE_TOLERANCE  # for a normal as good as the distance is
-        normals = [result.normal]
-        coal.distance(*arguments[0], *arguments[1], request, result)
-        normals.append(result.normal)
-        assert found <= widest_slab_m(first, second, np.array(normals)) + ACCURACY_M
 
 
 def test_only_the_parts_that_touch_are_contacts() -> None:

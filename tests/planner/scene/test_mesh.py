@@ -1,20 +1,28 @@
-"""Meshes: what is one, what is not, and which are convex."""
+"""Meshes: which arrays and files are one, and which are convex."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner import load_mesh
 from planner.errors import SceneError
 from planner.scene.mesh import LARGEST_SHAPE_M
 from tests.bodies import CORNERS, SIDES
 from tests.planner.conftest import hull, mesh_of
 
 TRIANGLE = np.eye(3)
+
+FLOATS_OF_32_BITS = 1e-6
+"""Relative accuracy of coordinates read by assimp."""
+
+SCALES = st.sampled_from([-2.0, -0.5, 0.1, 1.0, 3.0])
 
 
 def test_a_cube_is_convex() -> None:
@@ -39,7 +47,7 @@ def test_a_convex_hull_is_convex(seed: int, count: int) -> None:
         (CORNERS * np.where(np.arange(8) == 7, 0.1, 1.0)[:, None], SIDES),  # one corner dented
     ],
 )
-def test_what_does_not_close_around_a_convex_volume_is_a_surface(
+def test_a_mesh_that_does_not_close_around_a_convex_volume_is_a_surface(
     vertices: Any, triangles: Any
 ) -> None:
     assert not mesh_of(vertices, triangles).is_convex
@@ -55,7 +63,7 @@ def test_support_is_the_farthest_corner(seed: int) -> None:
     assert mesh_of(vertices, [[0, 1, 2]]).support_m(direction) == pytest.approx(farthest)
 
 
-def test_copies_what_it_is_given() -> None:
+def test_copies_its_arrays() -> None:
     vertices, triangles = np.eye(3), np.array([[0, 1, 2]])
     mesh = mesh_of(vertices, triangles)
     vertices[0], triangles[0] = 9.0, 0
@@ -63,7 +71,7 @@ def test_copies_what_it_is_given() -> None:
 
 
 @pytest.mark.parametrize("name", ["vertices", "triangles"])
-def test_is_frozen(name: str) -> None:
+def test_its_arrays_are_read_only(name: str) -> None:
     mesh = mesh_of(TRIANGLE, [[0, 1, 2]])
     with pytest.raises(ValueError, match="read-only"):
         getattr(mesh, name)[0, 0] = 1
@@ -98,11 +106,112 @@ def test_is_frozen(name: str) -> None:
         (TRIANGLE * 1e300, [[0, 1, 2]], "in metres"),
     ],
 )
-def test_refuses_what_is_no_mesh(vertices: Any, triangles: Any, says: str) -> None:
+def test_refuses_arrays_that_are_not_a_mesh(vertices: Any, triangles: Any, says: str) -> None:
     with pytest.raises(SceneError, match=says):
         mesh_of(vertices, triangles)
 
 
-def test_refuses_more_triangles_than_memory_is_for() -> None:
+def test_refuses_too_many_triangles() -> None:
     with pytest.raises(SceneError, match="200000"):
         mesh_of(TRIANGLE, np.tile([0, 1, 2], (200_001, 1)))
+
+
+def cube(path: Path) -> Path:
+    """A cube of edge 2 m in Wavefront's format, with every corner written for each triangle."""
+    lines = [f"v {x} {y} {z}" for side in SIDES for x, y, z in CORNERS[list(side)]]
+    lines += [f"f {3 * i + 1} {3 * i + 2} {3 * i + 3}" for i in range(len(SIDES))]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cube(tmp_path_factory.mktemp("meshes") / "cube.obj")
+
+
+@given(st.tuples(SCALES, SCALES, SCALES))
+def test_a_cube_stays_convex_when_scaled_or_mirrored(
+    path: Path, scale: tuple[float, float, float]
+) -> None:
+    mesh = load_mesh(path, scale)
+    assert (len(mesh.vertices), len(mesh.triangles)) == (8, 12)
+    assert mesh.is_convex
+    expected = np.abs(scale)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), expected, rtol=FLOATS_OF_32_BITS)
+
+
+def test_triangles_without_area_are_left_out(tmp_path: Path) -> None:
+    path = cube(tmp_path / "cube.obj")
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write("\nf 1 2 2\n")
+    assert len(load_mesh(path).triangles) == 12
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "dae"])
+def test_every_format_gives_the_same_mesh(tmp_path: Path, ending: str) -> None:
+    made = trimesh.creation.box((0.1, 0.2, 0.3))
+    made.apply_translation((0.4, 0.0, 0.05))
+    made.export(tmp_path / f"box.{ending}")
+    mesh = load_mesh(str(tmp_path / f"box.{ending}"), 0.5)
+    assert mesh.is_convex
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    np.testing.assert_allclose(low, 0.5 * made.bounds[0], atol=FLOATS_OF_32_BITS)
+    np.testing.assert_allclose(high, 0.5 * made.bounds[1], atol=FLOATS_OF_32_BITS)
+
+
+@pytest.mark.parametrize(("meter", "edge_m"), [("0.0254", 0.0254), ("1.0", 1.0), (None, 1.0)])
+def test_the_unit_of_a_collada_file_is_applied(
+    tmp_path: Path, meter: str | None, edge_m: float
+) -> None:
+    path = tmp_path / "box.dae"
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(path)
+    unit = "" if meter is None else f'<unit name="u" meter="{meter}"/>'
+    path.write_text(path.read_text().replace("<up_axis>", f"{unit}<up_axis>"))
+    np.testing.assert_allclose(np.ptp(load_mesh(path).vertices, axis=0), edge_m, rtol=1e-6)
+
+
+@pytest.mark.parametrize("meter", ["0", "-1", "inch", "nan"])
+def test_an_invalid_unit_is_refused(tmp_path: Path, meter: str) -> None:
+    path = tmp_path / "box.dae"
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(path)
+    path.write_text(path.read_text().replace("<up_axis>", f'<unit meter="{meter}"/><up_axis>'))
+    with pytest.raises(SceneError, match=r"cannot read the mesh .*box\.dae"):
+        load_mesh(path)
+
+
+def test_a_mesh_that_is_not_solid_is_logged_as_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = trimesh.creation.box((0.2, 0.2, 0.1))
+    without_a_triangle = trimesh.Trimesh(box.vertices, box.faces[1:])
+    ring = trimesh.creation.annulus(0.05, 0.1, 0.1)
+    logged = {}
+    for name, made in (("box", box), ("bin", without_a_triangle), ("ring", ring)):
+        made.export(tmp_path / f"{name}.stl")
+        caplog.clear()
+        assert load_mesh(tmp_path / f"{name}.stl").is_convex == (name == "box")
+        logged[name] = caplog.text
+    assert logged["box"] == ""
+    assert "bin.stl is not solid: 3 of its edges do not join two triangles;" in logged["bin"]
+    assert "ring.stl is not solid: the volume that it encloses is not convex;" in logged["ring"]
+
+
+@pytest.mark.parametrize("nothing", [None, 5, b"box.stl"])
+def test_refuses_anything_but_a_path(nothing: Any) -> None:
+    with pytest.raises(SceneError, match="a mesh is read from a path"):
+        load_mesh(nothing)
+
+
+@pytest.mark.parametrize("scale", [(0.0, 1.0, 1.0), (1.0, 1.0), (np.nan, 1.0, 1.0), 0.0, "half"])
+def test_refuses_an_invalid_scale(path: Path, scale: Any) -> None:
+    with pytest.raises(SceneError, match="scale"):
+        load_mesh(path, scale)
+
+
+def test_a_message_names_the_file_that_is_not_a_mesh(tmp_path: Path) -> None:
+    path = tmp_path / "words.obj"
+    path.write_text("only words", encoding="utf-8")
+    with pytest.raises(SceneError, match="cannot read the mesh"):
+        load_mesh(path)
+    with pytest.raises(SceneError, match="cannot read the mesh"):
+        load_mesh(tmp_path / "none.stl")

@@ -1,4 +1,4 @@
-"""The table and the block, as their URDF files have them, against the measures of the original."""
+"""The table and the block of the URDF files, compared with the measures of the original."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def test_visual_and_collision_shapes_are_the_same() -> None:
         assert shapes["visual"] == shapes["collision"], path.name
 
 
-def test_an_object_bears_its_kind_as_name_unless_given_another() -> None:
+def test_an_object_is_named_by_its_kind_by_default() -> None:
     assert load_object("block", at(0.0, 0.0, 0.0)).name == "block"
     assert load_object("block", at(0.0, 0.0, 0.0), name="brick").name == "brick"
 
 
-def test_an_object_is_fixed_unless_said_otherwise() -> None:
+def test_an_object_is_fixed_by_default() -> None:
     assert not load_object("block", at(0.0, 0.0, 0.0)).is_movable
     assert load_object("block", at(0.0, 0.0, 0.0), is_movable=True).is_movable
 
@@ -72,19 +72,19 @@ def test_an_object_is_fixed_unless_said_otherwise() -> None:
 @pytest.mark.parametrize(
     "kind", ["chair", "", None, 5, "../urdf/block", "block.urdf", "x" * 5000, "a\0b", ["block"]]
 )
-def test_an_unknown_kind_is_refused_naming_those_there(kind: Any) -> None:
+def test_a_message_on_an_unknown_kind_names_those_available(kind: Any) -> None:
     with pytest.raises(SceneError, match="it has: block, table"):
         load_object(kind, at(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("name", ["", 5, ["a"]])
-def test_refuses_a_name_that_is_none(name: Any) -> None:
-    with pytest.raises(SceneError, match="needs a name"):
+def test_an_object_refuses_an_invalid_name(name: Any) -> None:
+    with pytest.raises(SceneError, match="name"):
         load_object("block", at(0.0, 0.0, 0.0), name=name)
 
 
 @pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
-def test_refuses_a_pose_that_is_none(pose: Any) -> None:
+def test_an_object_refuses_an_invalid_pose(pose: Any) -> None:
     with pytest.raises(PoseError):
         load_object("block", pose)
 
@@ -116,16 +116,16 @@ class TestBlocks:
         assert block.parts[0].rgba == (0.1, 0.2, 0.3, 0.4)
 
     @pytest.mark.parametrize("edge_m", [0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0])
-    def test_an_edge_that_is_none_is_refused(self, edge_m: Any) -> None:
+    def test_refuses_an_invalid_edge(self, edge_m: Any) -> None:
         with pytest.raises(SceneError, match="edge"):
             make_block("b", at(0.0, 0.0, 0.0), edge_m=edge_m)
 
     @pytest.mark.parametrize("colour", ["pink", "", 5, (1.0, 0.0, 0.0), (2.0, 0, 0, 1), [None] * 4])
-    def test_a_colour_that_is_none_is_refused(self, colour: Any) -> None:
+    def test_refuses_an_invalid_colour(self, colour: Any) -> None:
         with pytest.raises(SceneError, match="colour"):
             make_block("b", at(0.0, 0.0, 0.0), colour=colour)
 
     @pytest.mark.parametrize("name", ["", None, 5, ["red"]])
-    def test_a_block_without_a_name_is_refused(self, name: Any) -> None:
-        with pytest.raises(SceneError, match="needs a name"):
+    def test_refuses_an_invalid_name(self, name: Any) -> None:
+        with pytest.raises(SceneError, match="name"):
             make_block(name, at(0.0, 0.0, 0.0))

@@ -19,7 +19,7 @@ from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import Body, Grip, GripperAction, Manipulator, Move, Plan, Scene, plan_joint_move
 from planner.plan import PlanFailure
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from planner.state import State
 from sim import Recording, read_rsdk_csv, write_csv
 from sim.errors import RecordingError

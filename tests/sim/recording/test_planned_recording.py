@@ -14,7 +14,7 @@ from planner import (
     plan_pick_and_place,
     plan_start_move,
 )
-from planner.scene.attachment import Attachment
+from planner.scene.bodies import Attachment
 from sim import World
 from sim.errors import RecordingError
 from sim.events import EventKind

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import Body, Cylinder, Part, Sphere, make_block
-from planner.scene.support import FLOOR, FLOOR_Z_M
+from planner.scene.faces import FLOOR_Z_M
+from planner.scene.support import FLOOR
 from sim.world.falling import GRAVITY_M_S2, SIDESTEP_M, come_to_rest
 from tests.conftest import at
 

@@ -15,7 +15,8 @@ from baxter_kin.errors import PoseError
 from planner import Body, Box, Cylinder, Part, Sphere, load_object
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
-from planner.scene.support import FLOOR, FLOOR_Z_M
+from planner.scene.faces import FLOOR_Z_M
+from planner.scene.support import FLOOR
 from sim import SimulationError, World
 from tests.conftest import at
 

@@ -17,7 +17,7 @@ from planner.manipulator import Manipulator
 from planner.pick_place.planning import plan_pick_and_place, plan_start_move
 from planner.plan import Plan
 from planner.scene.bodies import Scene
-from planner.scene.contact import coal_shape
+from planner.scene.coal_shapes import coal_shape
 from planner.verification import verify
 
 

@@ -6,7 +6,7 @@ whose points is displaced by more than c - `KEPT_M` from where it is at *some* c
 path keeps `KEPT_M` at least, whatever lag or gravity does to it. Displaced points are measured, not
 estimated: a displacement between two placings of a rigid shape is a convex function of the point,
 so the corners of a box around the shape have the greatest. Pairs of the arm with itself are judged
-by the bound of `planner.collision.continuous.motion_bounds`, which holds seen from any inner link.
+by the bound of `planner.collision.motion_bounds`, which holds seen from any inner link.
 
 The path is that of the last `WINDOW_S`: q(t) of the plan, not what is sent ahead of it. Beyond the
 path, a joint may be off its own set-point by so much as its move says at most, and once the
@@ -23,8 +23,8 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.motion_bounds import Placed
-from planner.collision.covers import Covers, placed_points
+from planner.collision.distances import Covers, placed_points
+from planner.collision.motion_bounds import Placed
 from sim.ros1.execution.guard.stages import Room, shared_joints
 from sim.ros1.execution.stops import StopCause
 

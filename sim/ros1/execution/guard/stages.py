@@ -2,7 +2,7 @@
 
 Between two actions of the fingers nothing changes but the arm: the same bodies stand still, the
 same one is in the hand. What each move is clear of is proven here once more, in the state as the
-robot reports it (`planner.collision.continuous.proof`), apart for pairs of which one shape stands
+robot reports it (`planner.collision.proof`), apart for pairs of which one shape stands
 still, and for those of the arm with itself by the joint that the inner shape hangs on: seen from
 there, only the joints beyond it move the other one.
 
@@ -24,7 +24,7 @@ from planner import Grip, Manipulator, Move, Plan
 from planner.clearance import Clearance, ContinuousProof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import prove_move
+from planner.collision.proof import prove_move
 from planner.completion import after, state_of
 from sim.errors import SimulationError
 

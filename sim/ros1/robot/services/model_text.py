@@ -21,7 +21,7 @@ from baxter_kin.display import quoted
 from baxter_kin.errors import DescriptionError
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Cylinder, Part, Shape, Sphere
-from planner.scene.mesh_file import load_mesh
+from planner.scene.mesh import load_mesh
 from planner.scene.objects import COLOURS
 
 Rgba = tuple[float, float, float, float]

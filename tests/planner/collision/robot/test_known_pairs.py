@@ -1,3 +1,5 @@
+"""Pairs of links for which the proofs on the reference robot hold on other robots."""
+
 from __future__ import annotations
 
 from itertools import combinations
@@ -8,7 +10,7 @@ import pytest
 
 from baxter_kin import Baxter, ElectricGripper
 from planner import Hand, RobotBody, RobotShapes
-from planner.collision.robot.known_pairs import Drawing, other_side
+from planner.collision.robot.known_pairs import Comparison, other_side
 from tests.served_urdf import served_urdf
 
 NEAREST = ("left_upper_elbow", "left_upper_forearm")
@@ -28,32 +30,30 @@ def calibrated(*joints: str, seed: int = 1, limit_change: float = 0.0) -> Baxter
 
 
 def links_of(body: RobotBody) -> list[str]:
-    """Those of the drawn robot, not what may be mounted instead."""
+    """The links of the reference robot, without those that may replace others."""
     return [name for name in body.links if ":" not in name]
 
 
-def test_all_of_the_drawn_robot_is_as_drawn(drawn: Baxter) -> None:
-    beside_itself, links = Drawing(drawn, drawn), links_of(RobotBody.load())
-    assert all(beside_itself.is_as_drawn(*pair) for pair in combinations(links, 2))
+def test_the_reference_robot_is_alike_itself(drawn: Baxter) -> None:
+    with_itself, links = Comparison(drawn, drawn), links_of(RobotBody.load())
+    assert all(with_itself.is_alike(*pair) for pair in combinations(links, 2))
 
 
 RIGHT_TIPS = ("r_gripper_l_finger_tip", "r_gripper_r_finger_tip")
 
 
-def test_what_another_tip_is_near_is_known_from_the_side_that_is_drawn_with_it(
-    robot: Baxter, drawn: Baxter
-) -> None:
-    """Paddles on the right, as on the left of the drawing."""
-    assert not Drawing(robot, drawn).is_as_drawn(*RIGHT_TIPS)
-    assert Drawing(robot, drawn, is_swapped=True).is_as_drawn(*RIGHT_TIPS)
-    assert not Drawing(drawn, drawn, is_swapped=True).is_as_drawn(*RIGHT_TIPS)
+def test_a_proof_for_the_other_side_holds_for_the_same_tips(robot: Baxter, drawn: Baxter) -> None:
+    """Paddles on the right, as on the left of the reference."""
+    assert not Comparison(robot, drawn).is_alike(*RIGHT_TIPS)
+    assert Comparison(robot, drawn, is_swapped=True).is_alike(*RIGHT_TIPS)
+    assert not Comparison(drawn, drawn, is_swapped=True).is_alike(*RIGHT_TIPS)
 
 
 @pytest.mark.parametrize("slot", [3, 4])
-def test_nothing_is_known_of_fingers_in_another_slot(drawn: Baxter, slot: int) -> None:
+def test_no_proof_holds_for_fingers_in_another_slot(drawn: Baxter, slot: int) -> None:
     own = Baxter.load(hands={"right": ElectricGripper(slot=slot)})
     for is_swapped in (False, True):
-        assert not Drawing(own, drawn, is_swapped=is_swapped).is_as_drawn(*RIGHT_TIPS)
+        assert not Comparison(own, drawn, is_swapped=is_swapped).is_alike(*RIGHT_TIPS)
 
 
 @pytest.mark.parametrize(
@@ -65,29 +65,29 @@ def test_the_other_side_of_the_other_side_is_the_same(name: str) -> None:
 
 
 @pytest.mark.parametrize("joint", ["left_e1", "left_w0"])
-def test_a_joint_between_that_is_elsewhere_undoes_the_proof(drawn: Baxter, joint: str) -> None:
-    assert not Drawing(calibrated(joint), drawn).is_as_drawn(*NEAREST)
+def test_no_proof_holds_when_a_joint_between_has_another_pose(drawn: Baxter, joint: str) -> None:
+    assert not Comparison(calibrated(joint), drawn).is_alike(*NEAREST)
 
 
-def test_joints_that_are_not_between_do_not_count(drawn: Baxter) -> None:
-    others = Drawing(calibrated("head_pan", "left_s0", "left_e0", "left_w1", "right_e1"), drawn)
-    assert others.is_as_drawn(*NEAREST)
-    assert not others.is_as_drawn("torso", "left_lower_shoulder")
+def test_joints_that_are_not_between_do_not_matter(drawn: Baxter) -> None:
+    others = Comparison(calibrated("head_pan", "left_s0", "left_e0", "left_w1", "right_e1"), drawn)
+    assert others.is_alike(*NEAREST)
+    assert not others.is_alike("torso", "left_lower_shoulder")
 
 
-def test_one_joint_apart_is_taken_to_be_mounted_as_drawn(drawn: Baxter) -> None:
-    assert Drawing(calibrated("left_e1"), drawn).is_as_drawn("left_upper_elbow", "left_lower_elbow")
+def test_links_of_one_joint_are_always_alike(drawn: Baxter) -> None:
+    assert Comparison(calibrated("left_e1"), drawn).is_alike("left_upper_elbow", "left_lower_elbow")
 
 
-def test_a_wider_range_undoes_the_proof_and_a_narrower_does_not(drawn: Baxter) -> None:
+def test_a_proof_holds_for_narrower_ranges_only(drawn: Baxter) -> None:
     text = served_urdf()
     wider, narrower = (text.replace('upper="2.618"', f'upper="{x}"') for x in (2.7, 2.5))
-    assert not Drawing(Baxter.load(wider), drawn).is_as_drawn(*NEAREST)
-    assert Drawing(Baxter.load(narrower), drawn).is_as_drawn(*NEAREST)
+    assert not Comparison(Baxter.load(wider), drawn).is_alike(*NEAREST)
+    assert Comparison(Baxter.load(narrower), drawn).is_alike(*NEAREST)
 
 
-def test_pairs_that_are_left_out_are_proven_or_mounted_on_each_other() -> None:
-    """Of a robot of which every joint of both arms is elsewhere, by kinematics of its own."""
+def test_skipped_pairs_are_proven_or_mounted_on_each_other() -> None:
+    """On a robot with other poses of all joints of both arms, by separate kinematics."""
     own = Baxter.load(served_urdf(np.random.default_rng(0)))
     shapes, model = RobotShapes(own), own.model
     checked = {frozenset((shapes.links[a], shapes.links[b])) for a, b in shapes.pairs}
@@ -102,7 +102,7 @@ def test_pairs_that_are_left_out_are_proven_or_mounted_on_each_other() -> None:
         assert (frozenset((one, other)) in checked) != is_out, (one, other)
 
 
-def test_links_of_another_robot_sit_where_its_joints_are(robot: Baxter) -> None:
+def test_links_of_a_calibrated_robot_are_at_its_own_joints(robot: Baxter) -> None:
     own = Baxter.load(served_urdf(np.random.default_rng(2)))
     untouched = pin.buildModelFromXML(served_urdf(np.random.default_rng(2)))
     q, data = own.configuration(own.arm("left").joints(own.arm("left").start)), None

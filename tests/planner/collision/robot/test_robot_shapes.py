@@ -1,7 +1,8 @@
-"""The robot's body as shapes: what contains what, and what was believed of smaller ones."""
+"""The shapes of a robot: which contain which, and plans that smaller shapes made wrong."""
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import product
 
 import coal
@@ -25,8 +26,10 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import LinkShape, link_shapes, surfaces_for_contacts
 from planner.errors import SceneError
 from planner.scene.bodies import Sphere
+from planner.scene.coal_shapes import has_depth
 from tests.conftest import at
 from tests.planner.conftest import distance
 
@@ -55,7 +58,7 @@ def ball(radius_m: float, x: float, y: float, z: float) -> Body:
     return Body("ball", (Part(Sphere(radius_m), at(0, 0, 0)),), at(x, y, z))
 
 
-def test_the_elbow_was_believed_to_pass_a_cube_that_it_goes_into(
+def test_the_real_shapes_find_the_elbow_inside_a_cube_that_smaller_ones_passed(
     robot: Baxter, body: RobotBody, manipulator: Manipulator, scene: Scene
 ) -> None:
     """18.8 mm of clearance were proven, of shapes up to 91 mm smaller than the robot."""
@@ -81,14 +84,14 @@ def test_the_elbow_was_believed_to_pass_a_cube_that_it_goes_into(
         assert around.motion_time_s > believed.motion_time_s
 
 
-def test_links_without_a_mesh_are_the_urdfs_shapes_and_placeholders_are_none(
+def test_links_without_a_mesh_have_the_shapes_of_the_urdf(
     shapes: RobotShapes,
 ) -> None:
     assert {"left_hand_link", "right_hand_link"} <= set(shapes.links)
     assert not any("collision_head" in link or "visual" in link for link in shapes.links)
 
 
-def test_every_link_counts_once_against_the_robot_and_once_against_bodies(
+def test_every_link_is_checked_once_against_the_robot_and_once_against_bodies(
     shapes: RobotShapes,
 ) -> None:
     for link in set(shapes.links):
@@ -98,7 +101,7 @@ def test_every_link_counts_once_against_the_robot_and_once_against_bodies(
     assert shapes.wholes | shapes.details == set(range(len(shapes.links)))
 
 
-def test_what_moves_with_the_last_joint_is_the_hand(shapes: RobotShapes, arm: Arm) -> None:
+def test_the_hand_moves_with_the_last_joint(shapes: RobotShapes, arm: Arm) -> None:
     hand, fingers, pads = shapes.of_hand(arm), shapes.of_fingers(arm), shapes.of_pads(arm)
     assert hand < shapes.of_arm(arm)
     assert set(fingers[0]) | set(fingers[1]) < hand
@@ -107,7 +110,7 @@ def test_what_moves_with_the_last_joint_is_the_hand(shapes: RobotShapes, arm: Ar
     assert f"{arm.side}_wrist" in {shapes.links[i] for i in shapes.of_palm(arm)}
 
 
-def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
+def test_a_ball_inside_a_link_is_found_though_it_touches_no_triangle(
     robot: Baxter, left: Arm, shapes: RobotShapes
 ) -> None:
     q = np.array(robot.configuration(left.joints(left.neutral)))
@@ -124,7 +127,7 @@ def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
     assert found.second == "ball"
 
 
-def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
+def test_padding_is_subtracted_from_all_distances_except_those_of_contacts(
     robot: Baxter, left: Arm, body: RobotBody
 ) -> None:
     both = [RobotShapes(robot, given) for given in (body, body.padded(0.004))]
@@ -136,7 +139,7 @@ def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
         assert thick.distance_m == pytest.approx(bare.distance_m - links * 0.004, abs=1e-5)
 
 
-def test_a_palm_counts_the_margin_of_its_mesh_but_no_padding_against_what_is_grasped(
+def test_a_palm_has_its_mesh_margin_but_no_padding_against_a_grasped_body(
     robot: Baxter, left: Arm, body: RobotBody
 ) -> None:
     q = np.array(robot.configuration(left.joints(left.neutral)))
@@ -156,17 +159,17 @@ def test_a_palm_counts_the_margin_of_its_mesh_but_no_padding_against_what_is_gra
 
 
 @pytest.mark.parametrize("padding_m", [-1e-3, np.nan, np.inf])
-def test_a_padding_that_is_none_is_refused(body: RobotBody, padding_m: float) -> None:
+def test_refuses_an_invalid_padding(body: RobotBody, padding_m: float) -> None:
     with pytest.raises(SceneError, match="padding_m"):
         body.padded(padding_m)
 
 
-def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
+def test_refuses_a_body_of_another_class(robot: Baxter) -> None:
     with pytest.raises(SceneError, match="body"):
         RobotShapes(robot, "fat")  # type: ignore[arg-type]
 
 
-def test_verify_accepts_what_a_plan_with_the_body_states(
+def test_verify_accepts_the_proofs_of_a_plan_with_the_body(
     robot: Baxter, body: RobotBody, scene: Scene
 ) -> None:
     """It measures on the original meshes, by other code."""
@@ -179,7 +182,7 @@ def test_verify_accepts_what_a_plan_with_the_body_states(
 
 @settings(max_examples=100)
 @given(seed=seeds)
-def test_contacts_are_found_where_distances_say_so(robot: Baxter, seed: int) -> None:
+def test_contacts_agree_with_distances(robot: Baxter, seed: int) -> None:
     shapes, rng = RobotShapes(robot), np.random.default_rng(seed)
     number = int(rng.choice(sorted(shapes.for_contacts)))
     link = shapes.model.geometryObjects[number].geometry
@@ -202,3 +205,73 @@ def test_contacts_are_found_where_distances_say_so(robot: Baxter, seed: int) -> 
             surface = shapes.for_contacts[number]
             found = coal.collide(surface, coal.Transform3s(), other, placed, request, result)
             assert bool(found) == (distance_m <= margin_m)
+
+
+@pytest.fixture(scope="module")
+def names(body: RobotBody) -> frozenset[str]:
+    """All links except those that may replace others."""
+    return frozenset(name for name in body.links if ":" not in name)
+
+
+@pytest.fixture(scope="module")
+def made(body: RobotBody, names: frozenset[str]) -> tuple[LinkShape, ...]:
+    return link_shapes(body, names)
+
+
+def test_shapes_are_those_of_the_given_links(body: RobotBody, made: tuple[LinkShape, ...]) -> None:
+    few = frozenset({"torso", "left_wrist"})
+    assert {shape.link for shape in link_shapes(body, few)} == few
+    assert not link_shapes(body, frozenset())
+    alone = link_shapes(body, few)
+    assert len(alone) == sum(shape.link in few for shape in made)
+
+
+def test_each_link_has_one_whole_shape_and_all_its_pieces_or_the_whole_as_details(
+    body: RobotBody, made: tuple[LinkShape, ...]
+) -> None:
+    wholes = Counter(shape.link for shape in made if shape.is_whole)
+    details = Counter(shape.link for shape in made if shape.is_detail)
+    assert set(wholes.values()) == {1}
+    for name, count in details.items():
+        link = body.links[name]
+        assert count == (len(link.pieces) if link.is_in_pieces else 1)
+
+
+def test_pieces_and_simple_shapes_have_a_depth_and_surfaces_an_enclosure(
+    made: tuple[LinkShape, ...],
+) -> None:
+    assert {shape.enclosure is None for shape in made} == {True, False}
+    for shape in made:
+        assert has_depth(shape.geometry) is (shape.enclosure is None)
+
+
+def test_links_of_one_mesh_share_their_geometry(made: tuple[LinkShape, ...]) -> None:
+    geometry = {shape.link: shape.geometry for shape in made if shape.is_whole}
+    assert geometry["left_wrist"] is geometry["right_wrist"]
+    assert geometry["left_wrist"] is not geometry["torso"]
+
+
+def test_shapes_of_one_body_are_made_once(
+    body: RobotBody, names: frozenset[str], made: tuple[LinkShape, ...]
+) -> None:
+    assert link_shapes(body, frozenset(names)) is made
+
+
+def test_padding_thickens_all_shapes_and_moves_none(
+    body: RobotBody, names: frozenset[str], made: tuple[LinkShape, ...]
+) -> None:
+    thick = link_shapes(body.padded(0.004), names)
+    for one, other in zip(made, thick, strict=True):
+        assert (one.link, one.margin_m) == (other.link, other.margin_m)
+        assert other.padding_m == one.padding_m + 0.004
+
+
+def test_surfaces_for_contacts_are_of_the_same_triangles(
+    body: RobotBody, names: frozenset[str], made: tuple[LinkShape, ...]
+) -> None:
+    found = surfaces_for_contacts(body, names)
+    assert set(found) == {i for i, shape in enumerate(made) if not has_depth(shape.geometry)}
+    for number, fast in found.items():
+        slow = made[number].geometry
+        assert fast.num_tris == slow.num_tris
+        np.testing.assert_allclose(fast.vertices(), slow.vertices(), rtol=0.0, atol=1e-12)

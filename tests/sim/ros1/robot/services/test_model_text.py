@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from planner import Box, Cylinder, Sphere
 from planner.errors import SceneError
-from planner.scene.contact import shape_of
+from planner.scene.coal_shapes import shape_of
 from planner.scene.mesh import Mesh
 from planner.scene.objects import URDF_FOLDER, load_object
 from sim.ros1.robot.services.model_text import body_of_text

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm, Baxter
 from planner import RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.motion_bounds import MotionBounds
+from planner.collision.motion_bounds import MotionBounds
 from planner.collision.mover import Mover
 from planner.errors import MotionError
 from tests.calibrated import calibrated_arm
@@ -99,7 +99,7 @@ def acted(T: pin.SE3, shape: Any) -> FloatArray:
     return np.asarray(surface(shape.geometry) @ T.rotation.T + T.translation)
 
 
-def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
+def test_the_shapes_of_the_arm_move_and_no_others(rig: Rig) -> None:
     names = [str(shape.name) for shape in rig.shapes]
     moved = {names[i] for i in rig.moving}
     assert moved == {name for name in names if name.startswith(("left_", "l_gripper"))}
@@ -118,7 +118,7 @@ def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
 
 @settings(max_examples=25)
 @given(seeds, sizes)
-def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> None:
+def test_no_point_of_a_shape_moves_farther_than_its_bound(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
     before, after = rig.poses(q), rig.poses(q_after)
     pairs = [(i, rig.standing) for i in rig.moving]
@@ -129,7 +129,7 @@ def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> 
 
 @settings(max_examples=15)
 @given(seeds, sizes)
-def test_nor_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
+def test_bounds_hold_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
     before, after, moves = rig.poses(q), rig.poses(q_after), rig.bounds.moves
     pairs = [(i, k) for i, k in product(rig.moving, rig.moving) if (moves[k] <= moves[i]).all()]

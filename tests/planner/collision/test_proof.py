@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,15 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import evolve
 from planner import Body, Box, Part, RobotBody, RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
-from planner.collision import ClearanceChecker
-from planner.collision.continuous import proof
-from planner.collision.continuous.proof import prove_clear
+from planner.collision import ClearanceChecker, proof
 from planner.collision.distances import ACCURACY_M
+from planner.collision.proof import prove_clear
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.prover.kernel import SHARES
-from planner.scene.attachment import Attachment
-from planner.scene.bodies import Shape
+from planner.scene.bodies import Attachment, Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
@@ -144,7 +142,7 @@ def test_no_sample_comes_closer_than_proven(
 @given(seed=seeds)
 @example(seed=38)  # several shapes deep in one box, whose bounds are all below zero
 @example(seed=511)  # nothing at the end is nearer than what was found at the start
-def test_a_contact_is_there_at_its_time(
+def test_a_reported_contact_exists_at_its_time(
     robot: Baxter, left: Arm, shapes: RobotShapes, seed: int
 ) -> None:
     stage, motion, margin_m = random_stage(robot, left, shapes, seed)
@@ -167,7 +165,7 @@ def test_proves_most_of_the_least_distance_found(
         assert SHARES[0] * least_m - ROUNDING_M <= result.proven_m <= least_m
 
 
-def test_samples_do_not_see_a_thin_plate_between_them(
+def test_samples_miss_a_thin_plate_between_them(
     robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
 ) -> None:
     stage = Stage(robot, left, shapes, plate_at(left.T_base_tip(swing.sample(1.33).q)))
@@ -191,7 +189,7 @@ def test_the_same_swing_without_the_plate_is_clear(free: Stage, swing: Trajector
     assert free.prove(swing, finger_m=0.0175).is_clear
 
 
-def test_counts_rows_and_all_that_was_cut_for_them(free: Stage, swing: Trajectory) -> None:
+def test_counts_rows_and_examined_tasks(free: Stage, swing: Trajectory) -> None:
     result = free.prove(swing)
     assert isinstance(result, ContinuousProof)
     assert 0 < result.evaluations <= result.intervals
@@ -213,7 +211,7 @@ def test_a_margin_that_is_kept_is_proven(free: Stage, swing: Trajectory) -> None
     assert result.proven_m > margin_m
 
 
-def test_a_motion_of_no_duration_is_proven(free: Stage, left: Arm) -> None:
+def test_a_motion_without_duration_is_proven(free: Stage, left: Arm) -> None:
     result = free.prove(Trajectory.stay(left.neutral, left.limits))
     assert isinstance(result, ContinuousProof)
     least_m = free.checker.clearance(free.full(left.neutral)).distance_m
@@ -245,7 +243,7 @@ def test_a_goal_in_collision_is_found_at_the_end(
     assert result.fraction == 1.0
 
 
-def test_a_contact_is_a_sentence(
+def test_a_contact_as_text_is_a_sentence(
     robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
 ) -> None:
     wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
@@ -269,7 +267,7 @@ def test_another_body_is_proven_by_its_own_triangles(
     """The stored body under another name: its triangles are within its margin of the meshes."""
     stored = RobotBody.load()
     links = {
-        name: replace(link, surface=link.surface._replace()) for name, link in stored.links.items()
+        name: evolve(link, surface=link.surface._replace()) for name, link in stored.links.items()
     }
     other = Stage(robot, left, RobotShapes(robot, RobotBody(links, stored.skipped_pairs)))
     results = [stage.prove(swing) for stage in (Stage(robot, left, shapes), other)]
@@ -340,30 +338,30 @@ def carry(robot: Baxter, left: Arm, shapes: RobotShapes) -> Carry:
 
 
 @pytest.mark.parametrize("depth_m", [0.0, 0.5 * PRESSING_TOLERANCE_M])
-def test_an_allowed_contact_may_press_in_a_little(carry: Carry, depth_m: float) -> None:
+def test_an_intended_contact_may_press_a_little(carry: Carry, depth_m: float) -> None:
     assert carry.prove(-0.2, depth_m).is_clear
 
 
-def test_an_allowed_contact_that_presses_in_too_far_is_found(carry: Carry) -> None:
+def test_an_intended_contact_that_presses_too_deep_is_found(carry: Carry) -> None:
     result = carry.prove(-0.2, 1.2 * PRESSING_TOLERANCE_M)
     assert isinstance(result, ContinuousContact)
     assert result.needed_m == -PRESSING_TOLERANCE_M
     assert result.nearest.distance_m == pytest.approx(-1.2 * PRESSING_TOLERANCE_M, abs=ACCURACY_M)
 
 
-def test_an_allowed_contact_that_presses_in_on_the_way_is_found(carry: Carry) -> None:
+def test_an_intended_contact_that_presses_too_deep_during_the_motion_is_found(carry: Carry) -> None:
     result = carry.prove(0.01)
     assert isinstance(result, ContinuousContact)
     assert result.fraction > 0.0
 
 
-def test_the_same_contact_is_found_when_it_is_not_allowed(carry: Carry) -> None:
+def test_the_same_contact_is_found_when_it_is_not_intended(carry: Carry) -> None:
     result = carry.prove(-0.2, 1e-5, allowed=False)
     assert isinstance(result, ContinuousContact)
     assert {result.nearest.first, result.nearest.second} == {"cube", "support"}
 
 
-def test_an_allowed_contact_keeps_no_margin(carry: Carry) -> None:
+def test_an_intended_contact_keeps_no_margin(carry: Carry) -> None:
     assert carry.prove(-0.2, margin_m=0.002).is_clear
 
 
@@ -398,34 +396,30 @@ def test_the_arm_in_the_full_configuration_is_not_used(
     assert results[0] == results[1]
 
 
-@pytest.mark.parametrize("margin_m", [-1e-9, np.nan, np.inf, "wide", None, True])
-def test_refuses_a_margin_that_is_none(free: Stage, swing: Trajectory, margin_m: Any) -> None:
-    with pytest.raises(MotionError, match="margin"):
-        free.prove(swing, margin_m)
-
-
-@pytest.mark.parametrize("q", [np.zeros(7), np.full(19, np.nan), np.full(19, 1e9), None, "q"])
-def test_refuses_a_configuration_that_is_none(free: Stage, swing: Trajectory, q: Any) -> None:
-    with pytest.raises(ConfigurationError):
-        prove_clear(free.checker, swing, q)
+@pytest.mark.parametrize(
+    ("name", "given", "error"),
+    [
+        *(("margin_m", x, MotionError) for x in (-1e-9, np.nan, np.inf, "wide", None, True)),
+        *(("q", x, ConfigurationError) for x in (np.zeros(7), np.full(19, np.nan), None, "q")),
+        ("q", np.full(19, 1e9), ConfigurationError),
+        ("checker", None, SceneError),
+        ("trajectory", None, TrajectoryError),
+    ],
+)
+def test_refuses_invalid_arguments(
+    free: Stage, swing: Trajectory, name: str, given: Any, error: type[Exception]
+) -> None:
+    arguments = {"checker": free.checker, "trajectory": swing, "q": free.full(np.zeros(7))}
+    with pytest.raises(error):
+        prove_clear(**{**arguments, name: given})
 
 
 def test_refuses_the_motion_of_the_other_arm(free: Stage, robot: Baxter) -> None:
     right = robot.arm("right")
-    with pytest.raises(TrajectoryError, match="the situation is the left arm's"):
+    with pytest.raises(TrajectoryError, match="the situation is that of the left arm"):
         free.prove(Trajectory.stay(right.neutral, right.limits))
 
 
-def test_refuses_a_motion_beyond_all_measure(free: Stage, left: Arm) -> None:
+def test_refuses_a_motion_that_reaches_too_far(free: Stage, left: Arm) -> None:
     with pytest.raises(TrajectoryError, match="1e\\+09 rad"):
         free.prove(Trajectory.stay(np.full(7, 1e9), left.limits))
-
-
-def test_refuses_what_is_no_situation(free: Stage, swing: Trajectory) -> None:
-    with pytest.raises(SceneError, match="ClearanceChecker"):
-        prove_clear(None, swing, free.full(np.zeros(7)))  # type: ignore[arg-type]
-
-
-def test_refuses_what_is_no_motion(free: Stage) -> None:
-    with pytest.raises(TrajectoryError, match="Trajectory"):
-        prove_clear(free.checker, None, free.full(np.zeros(7)))  # type: ignore[arg-type]

@@ -10,8 +10,7 @@ import pytest
 from baxter_kin.validation import FloatArray, Indices
 from planner import Body, Box, Manipulator, Part, Scene
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.joint_tube import JointTube
-from planner.collision.continuous.tube_proof import TubeProofs
+from planner.collision.tube_proof import JointTube, TubeProofs
 from tests.conftest import at, overhead
 
 PLACES = 300
@@ -37,7 +36,7 @@ def swinging(manipulator: Manipulator, widths: FloatArray | float) -> JointTube:
 
 
 @pytest.mark.parametrize("wide_rad", [0.0, 0.02, 0.08, 0.2])
-def test_no_arm_in_the_tube_is_nearer_than_proven(
+def test_no_configuration_in_the_tube_is_nearer_than_proven(
     context: CollisionContext, manipulator: Manipulator, wide_rad: float
 ) -> None:
     rng, checker = np.random.default_rng(6), context.checker
@@ -56,7 +55,7 @@ def test_no_arm_in_the_tube_is_nearer_than_proven(
     assert proof.proven_m >= 0.97 * proof.nearest.distance_m
 
 
-def test_the_nearest_is_where_the_arm_may_be(
+def test_the_smallest_distance_is_measured_inside_the_tube(
     context: CollisionContext, manipulator: Manipulator
 ) -> None:
     tube = swinging(manipulator, 0.1)
@@ -80,7 +79,7 @@ def wall(manipulator: Manipulator, gap_m: float) -> Body:
     return Body("wall", (Part(Box(size), at(0.0, 0.0, 0.0)),), centre)
 
 
-def test_what_only_the_edge_of_a_tube_hits_is_found(manipulator: Manipulator) -> None:
+def test_a_body_hit_by_the_edge_of_a_tube_only_is_found(manipulator: Manipulator) -> None:
     """The path itself passes at 2 cm or more; lifted shoulders bring the hand down on the wall."""
     context = manipulator.context(Scene.of([wall(manipulator, 0.04)]))
     proofs, pairs = TubeProofs(context.checker, context.q_others), free(context)
@@ -92,7 +91,7 @@ def test_what_only_the_edge_of_a_tube_hits_is_found(manipulator: Manipulator) ->
     assert "wall" in {wide.nearest.first, wide.nearest.second}
 
 
-def test_what_passes_narrowly_is_split_and_holds(manipulator: Manipulator) -> None:
+def test_a_narrow_passage_is_split_and_proven(manipulator: Manipulator) -> None:
     context = manipulator.context(Scene.of([wall(manipulator, 0.04)]))
     checker, tube = context.checker, swinging(manipulator, 0.03)
     proofs = TubeProofs(checker, context.q_others)
@@ -128,7 +127,7 @@ def _least_at_corners(context: CollisionContext, q: FloatArray, w: FloatArray) -
     return float(least)
 
 
-def test_a_margin_that_is_not_kept_names_what_is_nearer(manipulator: Manipulator) -> None:
+def test_a_margin_that_is_not_kept_names_the_nearer_body(manipulator: Manipulator) -> None:
     context = manipulator.context(Scene.of([wall(manipulator, 0.04)]))
     proofs = TubeProofs(context.checker, context.q_others)
     found = proofs.prove(swinging(manipulator, 0.03), pairs=free(context), margin_m=0.03)
@@ -146,12 +145,12 @@ def test_numpy_proves_less_without_a_compiler(
 ) -> None:
     proofs, tube = TubeProofs(context.checker, context.q_others), swinging(manipulator, wide_rad)
     kernels = proofs.prove(tube, pairs=free(context))
-    monkeypatch.setattr("planner.collision.continuous.tube_proof.rows_kernel", lambda: None)
+    monkeypatch.setattr("planner.collision.tube_proof.rows_kernel", lambda: None)
     found = proofs.prove(tube, pairs=free(context))
     assert 0.0 < found.proven_m <= kernels.nearest.distance_m
 
 
-def test_contacts_are_open_only_where_they_may_happen(
+def test_cells_are_unproven_only_where_contacts_may_happen(
     manipulator: Manipulator, scene: Scene
 ) -> None:
     """The hand sinks onto the block: open near it, proven before."""
@@ -172,3 +171,32 @@ def test_contacts_are_open_only_where_they_may_happen(
     for cell in np.flatnonzero(~cells).tolist()[::5]:
         full[context.checker.motion_bounds.q_index] = tube.highest[cell]
         assert min(context.checker.distances_m(full, touching.tolist(), 0.05)) > 0.0
+
+
+@pytest.fixture
+def tube() -> JointTube:
+    """Two joints, 0.1 rad wide: one rises, the other rests."""
+    times = np.linspace(0.0, 1.0, 11)
+    middle = np.column_stack([times, np.zeros(11)])
+    return JointTube(times, middle - 0.05, middle + 0.05)
+
+
+def test_a_hull_contains_both_ends_of_its_cells(tube: JointTube) -> None:
+    low, high = tube.hull(2, 4)
+    np.testing.assert_allclose(low, [0.15, -0.05])
+    np.testing.assert_allclose(high, [0.45, 0.05])
+
+
+def test_a_part_contains_all_cells_that_overlap_its_time(tube: JointTube) -> None:
+    part = tube.between(0.25, 0.51)
+    np.testing.assert_allclose(part.times_s[[0, -1]], [0.2, 0.6])
+    assert part.cells == 4
+    assert tube.between(0.95, np.inf).times_s[-1] == 1.0
+    assert tube.between(5.0, 6.0).cells == 1
+    assert tube.between(0.3, 0.3).cells == 1
+
+
+def test_a_tube_can_be_widened(tube: JointTube) -> None:
+    wide = tube.widened(np.array([0.01, 0.02]))
+    np.testing.assert_allclose(wide.widths[0], [0.12, 0.14])
+    assert repr(wide) == "JointTube(10 cells, 1.00 s, up to 0.14 rad wide)"

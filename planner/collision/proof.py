@@ -2,14 +2,14 @@
 
 Rows of separation prove it; `planner.certificate.rows` states the theorem. The links and bodies of
 a situation are trees of convex clusters. For every pair of clusters and cell of time there is a
-direction whose gap at both ends of the cell, less the greatest sag in between, is at least what the
-pair must keep. A kernel in C finds these rows; without a C compiler NumPy does, some fifty times
-slower. Intended contacts are proven in the same way, not to press in by more than
+direction whose gap at both ends of the cell, less the largest sag in between, is at least the
+required distance of the pair. A kernel in C finds these rows; without a C compiler NumPy does,
+about fifty times slower. Intended contacts are proven in the same way, not to press deeper than
 `PRESSING_TOLERANCE_M`.
 
-Of the least distance that the search meets 0.98 is proven; less where that cannot be shown. Where a
-motion is not clear, coal measures the two that are too near, at the instant at which the search
-stopped.
+The search proves 0.98 of the smallest distance that it measures, or less where that fails. Where a
+motion is not clear, coal measures the two shapes that are too close at the instant at which the
+search stopped.
 """
 
 from __future__ import annotations
@@ -49,26 +49,26 @@ from planner.prover.numpy_search import search
 from planner.trajectory import Trajectory
 
 INSTANTS = 17
-"""At how many instants a least distance is looked for where the search does not know it."""
+"""Number of instants at which the smallest distance is measured where the search gives none."""
 
 
 def prove_clear(
     checker: ClearanceChecker, trajectory: Trajectory, q: ArrayLike, *, margin_m: float = 0.0
 ) -> ContinuousResult:
-    """Prove that a motion of the checker's arm is free of collision, or say what is in its way.
+    """Prove that a motion of the checker's arm is clear, or find the contact that prevents it.
 
     Args:
         checker: the situation.
         trajectory: the motion of its arm.
-        q: a full configuration, shape (19,), which says where all other joints stand; what it says
-            of the arm is not used.
-        margin_m: distance that every pair shall keep at least, allowed contacts left out.
+        q: a full configuration, shape (19,), for all other joints; its values for the arm are not
+            used.
+        margin_m: distance that all pairs must keep, intended contacts excluded.
 
     Raises:
-        TrajectoryError: when the motion is of other joints than the arm's, or leaves what can be
-            measured.
-        ConfigurationError: when `q` is malformed.
-        MotionError: when the margin is no number, or negative.
+        TrajectoryError: when the motion is of other joints than the arm's, or reaches beyond
+            `MAX_JOINT`.
+        ConfigurationError: when `q` has another shape, is not finite or beyond `MAX_JOINT`.
+        MotionError: when the margin is not a number, or negative.
     """
     expect(checker, ClearanceChecker, "checker", SceneError)
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
@@ -84,14 +84,14 @@ def prove_move(
     margin_m: float,
     pairs: Indices | None = None,
 ) -> ContinuousResult:
-    """The same for arguments that are known to be good, and for some pairs only.
+    """`prove_clear` for valid arguments, and optionally for some pairs only.
 
     Args:
         checker: the situation.
         trajectory: the motion of its arm.
-        full: a full configuration, shape (19,).
-        margin_m: distance that every pair shall keep that has no need of its own.
-        pairs: numbers of those that count; all when not given.
+        full: a full configuration, shape (19,), for all other joints.
+        margin_m: distance that all pairs without an own requirement must keep.
+        pairs: numbers of the pairs; by default all.
     """
     bounds, checked = checker.motion_bounds, checker.checked
     numbers = np.arange(len(checked.numbers)) if pairs is None else pairs
@@ -116,13 +116,13 @@ def prove_move(
 
 
 class Motion(NamedTuple):
-    """How the shapes of a situation move.
+    """The motion of the shapes of a situation.
 
     Attributes:
-        rows: the motion of the chain's joints; or where they stand, shape (joints,), rad, while
+        rows: the motion of the chain's joints; or their positions, shape (joints,), rad, while
             shapes slide.
-        duration_s: how long it takes.
-        poses: of all shapes in base at a time, shape (n, 4, 4).
+        duration_s: duration of the motion.
+        poses: gives the poses of all shapes in base at a time, shape (n, 4, 4).
     """
 
     rows: Polynomials | FloatArray
@@ -131,7 +131,7 @@ class Motion(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where its parameter ends: time, or a share of the way that shapes slide."""
+        """The end of its parameter, which is time, or the share of the way that shapes slide."""
         return self.rows.duration_s if isinstance(self.rows, Polynomials) else 1.0
 
     def time_s(self, at: float) -> float:
@@ -140,7 +140,7 @@ class Motion(NamedTuple):
 
 
 class Arrangement:
-    """The clusters of a situation, and what carries them while something moves.
+    """The clusters of a situation on the joints of a chain that moves.
 
     Attributes:
         chain: the joints that move.
@@ -156,18 +156,18 @@ class Arrangement:
         slides_m: FloatArray | None = None,
         thicker_m: FloatArray | float = 0.0,
     ) -> None:
-        """Arrange them.
+        """Place the shapes on the chain.
 
         Args:
             checked: the pairs of the situation, of n shapes.
             chain: the joints that move.
-            levels: number of its joint that carries each shape, 0 for what stands still, shape
-                (w, n). A chain may meet a shape up to w times; a pair is proven where it meets both
-                first. -1 for a shape that it does not meet.
-            poses: of each shape seen from there, shape (w, n, 4, 4).
-            slides_m: how far each has moved along y of the last joint by the end, shape (n,).
-            thicker_m: by how much each counts as thicker where it must not touch anything, besides
-                its padding, shape (n,).
+            levels: number of the joint that carries each shape, 0 for one that does not move, -1
+                for one that the chain does not pass, shape (w, n). A chain may pass a shape up to w
+                times; a pair is proven at the first passage of both.
+            poses: of each shape seen from that joint, shape (w, n, 4, 4).
+            slides_m: displacement of each shape along y of the last joint at the end, shape (n,).
+            thicker_m: additional thickness, besides the padding, of each shape in pairs that must
+                keep a margin, shape (n,).
         """
         self._checked, self.chain = checked, chain
         self._thicker_m: FloatArray = checked.thicker_m + thicker_m
@@ -176,21 +176,21 @@ class Arrangement:
 
     @classmethod
     def of_mover(cls, checker: ClearanceChecker, full: FloatArray) -> Arrangement:
-        """That of a checker's mover, all other joints as in a full configuration."""
+        """The arrangement on a checker's mover, all other joints as in a full configuration."""
         walk, (carriers, T) = checker.walk, checker.motion_bounds.carried(full)
         levels, T_level_link = walk.levels[:, carriers], walk.T_level_link[:, carriers]
         return cls(checker.checked, walk.chain, levels, T_level_link @ T)
 
     def prove(self, motion: Motion, margin_m: float, numbers: Indices) -> ContinuousResult:
-        """Prove that pairs keep apart, or say which do not.
+        """Prove that pairs keep their required distances, or find one that does not.
 
         Args:
-            motion: how they move.
-            margin_m: distance that every pair shall keep that has no need of its own.
+            motion: their motion.
+            margin_m: distance that all pairs without an own requirement must keep.
             numbers: of the pairs.
         """
         checked = self._checked
-        numbers = np.unique(checked.alike[numbers])
+        numbers = np.unique(checked.representatives[numbers])
         if not len(numbers):
             return ContinuousProof(np.inf, Clearance(np.inf, "", ""), margin_m, 0, 0)
         if rows_kernel() is None:
@@ -206,7 +206,7 @@ class Arrangement:
             return ContinuousProof(found.proven_m, near, margin_m, *size)
         pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
         needed_m = checked.needed_m(margin_m)
-        for first in (0.0, at) if at == motion.end else (at,):  # both ends may be blocked
+        for first in (0.0, at) if at == motion.end else (at,):  # both ends may be in contact
             time_s = motion.time_s(first)
             number, measured_m = worst_at(checked, motion.poses(time_s), numbers, needed_m)
             if measured_m <= needed_m[number]:
@@ -244,7 +244,7 @@ class Arrangement:
         is_swapped = levels[:, :1] < levels[:, 1:]
         shapes, levels = (np.where(is_swapped, x[:, ::-1], x) for x in (shapes, levels))
         is_contact = checked.is_contact[numbers]
-        # padding counts where nothing may touch: a shape may be there with and without it
+        # padding counts where nothing may touch: a shape may occur with and without it
         used, place = np.unique(
             2 * (shapes * ways + way) + is_contact[:, None], return_inverse=True
         )
@@ -263,7 +263,7 @@ class Arrangement:
         return PlacedShapes([tree.clusters for tree in trees], R, p, thicker_m), pairs
 
     def _found_slowly(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
-        """Without a compiler: ask for shares of the least distance that coal finds at instants."""
+        """The search without C: for shares of the smallest distance measured at some instants."""
         checked, nearest = self._checked, Near(-1, np.inf, 0.0)
         counted = np.flatnonzero(~checked.is_contact[numbers])
         for at in np.linspace(0.0, motion.end, INSTANTS).tolist():
@@ -285,7 +285,7 @@ class Arrangement:
 
 
 def _least(checked: CheckedPairs, motion: Motion, number: int) -> tuple[float, float]:
-    """When a pair is nearest, of some instants, and its distance then by coal."""
+    """The time and the distance of a pair where it is nearest, at some instants."""
     found = []
     for at in np.linspace(0.0, motion.end, INSTANTS).tolist():
         checked.distances.place(motion.poses(motion.time_s(at)))
@@ -295,7 +295,7 @@ def _least(checked: CheckedPairs, motion: Motion, number: int) -> tuple[float, f
 
 
 def is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -> bool:
-    """Whether one of a pair is wholly inside the surface of the other, so that none touches it."""
+    """Whether, in some pair, one shape is wholly inside the other's surface without touching it."""
     near = checked.gaps_m(poses[None], np.zeros_like(numbers), numbers) < 0.0
     near &= checked.distances.is_slow[numbers]
     checked.distances.place(poses)
@@ -305,7 +305,7 @@ def is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) ->
 def worst_at(
     checked: CheckedPairs, poses: FloatArray, numbers: Indices, needed_m: FloatArray
 ) -> tuple[int, float]:
-    """The pair that misses what it needs by most at some poses, and its distance by coal."""
+    """The pair that falls short of its required distance by most, and its measured distance."""
     gaps_m = checked.gaps_m(poses[None], np.zeros_like(numbers), numbers)
     short = numbers[gaps_m <= np.maximum(needed_m[numbers], 0.0)]
     checked.distances.place(poses)
@@ -323,11 +323,11 @@ def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:
     names, moves = checker.mover.joint_names, trajectory.limits.names
     if moves != names:
         raise TrajectoryError(
-            f"the motion is of {', '.join(moves)}; the situation is the {checker.arm.side} arm's, "
-            f"of {', '.join(names)}"
+            f"the motion is of {', '.join(moves)}; the situation is that of the "
+            f"{checker.arm.side} arm, of {', '.join(names)}"
         )
     farthest = float(np.abs(np.concatenate(trajectory.position_extrema())).max())
     if farthest > MAX_JOINT:
         raise TrajectoryError(
-            f"the motion reaches {farthest:g} rad; up to {MAX_JOINT:g} is measured"
+            f"the motion reaches {farthest:g} rad; at most {MAX_JOINT:g} can be measured"
         )

@@ -1,20 +1,20 @@
-"""MotionBounds: where the shapes of an arm are, and how far turns of its joints move them.
+"""MotionBounds: the poses of an arm's shapes, and bounds on their motion when its joints turn.
 
 A shape of an arm is on the far side of a chain of revolute joints. Let joint i turn from q_i by
 d_i. Turn them one after the other, the joint next to base first: when joint i turns, the joints
-beyond it still stand at q, so a point of the shape is as far from the axis as it was at q, r_i, and
-moves by the chord 2 r_i sin(|d_i| / 2). Whatever the order in which the joints really turn, the
-point ends there; so it has moved by at most the sum of r_i |d_i|. This is the bound of Schwarzer,
+beyond it are still at q, so a point of the shape has the same distance from the axis as at q, r_i,
+and moves by the chord 2 r_i sin(|d_i| / 2). The end point does not depend on the order in which the
+joints turn, so the point moves by at most the sum of r_i |d_i|. This is the bound of Schwarzer,
 Saha and Latombe ("Adaptive dynamic collision checking for single and multiple articulated robots in
 complex environments", IEEE Trans. Robotics 21(3), 2005, section IV) with the lever arms of the
 configuration q itself instead of the greatest over all.
 
-Of two shapes A and B, let C be the joints that move both. Seen from the last joint of C, A moves by
-at most the sum of r_i |d_i| over the joints that move A alone, and B by at most that over the
+For two shapes A and B, let C be the joints that move both. Seen from the last joint of C, A moves
+by at most the sum of r_i |d_i| over the joints that move A alone, and B by at most that over the
 joints that move B alone. So their distance changes by no more than both sums together. On one
 chain, one of the sums is empty; for shapes of two arms, C is.
 
-r_i is that of a capsule around the shape: the greater distance of its two ends from the axis, plus
+r_i is taken of a capsule around the shape: the larger distance of its two ends from the axis, plus
 its radius.
 """
 
@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.covers import Covers, placed_points
+from planner.collision.distances import Covers, placed_points
 from planner.collision.mover import Mover
 
 
 class Placed(NamedTuple):
-    """Where things are at m configurations.
+    """Poses at m configurations.
 
     Attributes:
         joints: poses of the mover's joints in base, shape (m, J, 4, 4).
@@ -49,8 +49,8 @@ class MotionBounds:
 
     Attributes:
         chain: the mover's joints.
-        moves: which joint of the mover moves which shape, shape (n, J).
-        q_index: where the mover's joints stand in a full configuration, shape (J,).
+        moves: whether each shape is moved by each joint of the mover, shape (n, J).
+        q_index: indices of the mover's joints in a full configuration, shape (J,).
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class MotionBounds:
         self.chain = JointChain.side_by_side([arm.chain for arm in mover.arms])
         own = [robot.getJointId(name) for name in mover.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in own])
-        self._across = np.linalg.svd(self.chain.axes[:, None])[2][:, 1:]  # two units across each
+        self._across = np.linalg.svd(self.chain.axes[:, None])[2][:, 1:]  # two unit normals each
         shapes = list(geometry.geometryObjects)
         self._parents = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
@@ -69,7 +69,7 @@ class MotionBounds:
         self._is_moved = self.moves.any(axis=1)
         kinds, kind = np.unique(self.moves, axis=0, return_inverse=True)
         self._kind: Indices = kind.reshape(-1)
-        self._alone = np.where(kinds, 0.0, 1.0).T  # which joints do not move shapes of a kind
+        self._alone = np.where(kinds, 0.0, 1.0).T  # 1 for joints that do not move shapes of a kind
         self._last = len(own) - 1 - self.moves[self._is_moved, ::-1].argmax(axis=1)  # joint of each
         self._on = np.array(own)[self._last]
         self._others = np.zeros(0)
@@ -77,33 +77,32 @@ class MotionBounds:
 
     def place(self, full: FloatArray, qs: FloatArray) -> Placed:
         """Poses at configurations of the mover, shape (m, J), the other joints as in `full`."""
-        self._let_stand(full)
+        self._set_others(full)
         joints = self.chain.poses(qs)
         shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
         shapes[:, self._is_moved] = joints[:, self._last] @ self._T_last_shapes
         return Placed(joints, shapes)
 
     def carried(self, full: FloatArray) -> tuple[Indices, FloatArray]:
-        """What carries each shape, and where it is on that, all other joints as in `full`.
+        """The joint that carries each shape, and its pose there, all other joints as in `full`.
 
         Returns:
-            The number of the mover's joint that carries each, counted from 1, and 0 for what stands
-            still, shape (n,); and poses seen from those, from base for 0, shape (n, 4, 4).
+            The number of the mover's joint that carries each shape, counted from 1, and 0 for
+            shapes that do not move, shape (n,); and poses seen from those joints, from base for 0,
+            shape (n, 4, 4).
         """
-        self._let_stand(full)
+        self._set_others(full)
         levels, poses = np.zeros(len(self._standing), np.intp), self._standing.copy()
         levels[self._is_moved] = self._last + 1
         poses[self._is_moved] = self._T_last_shapes
         return levels, poses
 
-    def _let_stand(self, full: FloatArray) -> None:
+    def _set_others(self, full: FloatArray) -> None:
+        """Store the poses of all shapes with the mover at zero, if the other joints have moved."""
         others = np.array(full)
         others[self.q_index] = 0.0
-        if not np.array_equal(others, self._others):
-            self._stand(others)
-
-    def _stand(self, others: FloatArray) -> None:
-        """Store where all shapes stand, and those that move as they are on their last joints."""
+        if np.array_equal(others, self._others):
+            return
         pin.forwardKinematics(self._robot, self._data, others)
         joints = np.array([T.homogeneous for T in self._data.oMi])
         self._standing = joints[self._parents] @ self._T_joint_shape
@@ -118,19 +117,19 @@ class MotionBounds:
     def motions_m(
         self, placed: Placed, turns: FloatArray, number: Indices, pairs: Indices
     ) -> FloatArray:
-        """Bounds on how much the distances of pairs change while joints turn, shape (k,), m.
+        """Bounds on the changes of distances of pairs while joints turn, shape (k,), m.
 
         Args:
-            placed: m configurations, or one that stands for all.
-            turns: the greatest turns from there, shape (m, J), rad, not negative.
-            number: which of the m, for each pair, shape (k,).
+            placed: poses at m configurations, or at one for all.
+            turns: maximum turns from there, shape (m, J), rad, not negative.
+            number: number of the configuration of each pair, shape (k,).
             pairs: the two shapes of each, shape (k, 2).
         """
-        is_asked = np.zeros_like(self._is_moved)
-        is_asked[pairs] = True
-        is_asked &= self._is_moved
-        shapes, (first, second) = np.flatnonzero(is_asked), pairs.T
-        column = np.where(is_asked, np.cumsum(is_asked) - 1, len(shapes))  # the last is of zeros
+        is_needed = np.zeros_like(self._is_moved)
+        is_needed[pairs] = True
+        is_needed &= self._is_moved
+        shapes, (first, second) = np.flatnonzero(is_needed), pairs.T
+        column = np.where(is_needed, np.cumsum(is_needed) - 1, len(shapes))  # the last: zero
         steps = np.zeros((len(turns), len(shapes) + 1, self._alone.shape[1]))
         steps[:, :-1] = self._levers(placed, shapes) * turns[:, None] @ self._alone
         moved: FloatArray = steps[number, column[first], self._kind[second]]
@@ -138,9 +137,9 @@ class MotionBounds:
         return moved
 
     def _levers(self, placed: Placed, shapes: Indices) -> FloatArray:
-        """The greatest distance of each shape from the axis of each joint that moves it, (m, n, J).
+        """Maximum distances of shapes from the axes of joints, m, shape (m, n, J).
 
-        Zero for joints that do not.
+        Zero for joints that do not move a shape.
         """
         covers, count = self._covers, len(self.q_index)
         ends = placed_points(placed.shapes[:, shapes], covers.ends[shapes])  # m, n, 2, 3
