@@ -22,7 +22,7 @@ from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment, Scene
-from planner.scene.coal_shapes import boxed, has_depth, hull
+from planner.scene.coal_shapes import hull
 from planner.scene.contact import Contact, PartContact
 
 MAX_JOINT = 1000.0
@@ -129,14 +129,10 @@ class ClearanceChecker(OneLine):
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:
         """A geometry model of the pairs and their shapes alone, made for finding contacts fast."""
-        geometry, surfaces = pin.GeometryModel(), self.shapes.for_contacts
+        geometry = pin.GeometryModel()
         kept = np.unique(self.pairs)
         for number in kept.tolist():
             placed = pin.GeometryObject(self.geometry.geometryObjects[number])
-            if number in surfaces:
-                placed.geometry = surfaces[number]
-            elif not has_depth(placed.geometry):
-                placed.geometry = boxed(placed.geometry)
             geometry.addGeometryObject(placed)
         for first, second in np.searchsorted(kept, self.pairs).tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))

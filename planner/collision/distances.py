@@ -28,6 +28,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray, Indices
+from planner.scene.coal_shapes import Surface
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 
 ACCURACY_M = 1e-5
@@ -187,6 +188,8 @@ class Distances:
         pieces: Mapping[int, Sequence[int]],
         pairs: Sequence[tuple[int, int]],
         padding_m: Sequence[float],
+        *,
+        surfaces: Mapping[int, Surface] | None = None,
     ) -> None:
         """Store the shapes, which coal refers to by bare pointers.
 
@@ -196,10 +199,11 @@ class Distances:
             pieces: for some shapes of triangles, convex shapes on the same joint that contain them.
             pairs: numbers of two shapes each.
             padding_m: amount subtracted from the distance of each pair.
+            surfaces: the triangles of shapes that coal cannot measure as they are.
         """
         self._pairs, self._padding_m, self._pieces = pairs, padding_m, pieces
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
-        self._enclosures = list(enclosures)
+        self._enclosures, self._surfaces = list(enclosures), surfaces or {}
         is_slow = [any(enclosures[i] is not None for i in pair) for pair in pairs]
         self.is_slow: NDArray[np.bool_] = np.array(is_slow, dtype=np.bool_)
         self._functors: dict[tuple[int, int], coal.ComputeDistance] = {}
@@ -255,8 +259,8 @@ class Distances:
     def _touching_point(self, first: int, second: int) -> FloatArray:
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         request.enable_contact = True
-        shapes, poses = self._shapes, (self._pose(first), self._pose(second))
-        coal.collide(shapes[first], poses[0], shapes[second], poses[1], request, result)
+        one, other = self._measurable(first), self._measurable(second)
+        coal.collide(one, self._pose(first), other, self._pose(second), request, result)
         if not result.isCollision():
             return np.tile(self._poses[second][:3, 3], (2, 1))
         return np.tile(result.getContact(0).pos, (2, 1))
@@ -279,7 +283,7 @@ class Distances:
         """The distance without padding, or `within_m` where it is not less."""
         pair = first, second
         if pair not in self._functors:
-            self._functors[pair] = coal.ComputeDistance(self._shapes[first], self._shapes[second])
+            self._functors[pair] = coal.ComputeDistance(*map(self._measurable, pair))
         result = self._result
         result.clear()
         if within_m < np.inf:
@@ -295,10 +299,15 @@ class Distances:
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         request.num_max_contacts = MAX_CONTACTS
         request.enable_contact = True
-        shapes, poses = self._shapes, (self._pose(first), self._pose(second))
-        count = coal.collide(shapes[first], poses[0], shapes[second], poses[1], request, result)
+        one, other = self._measurable(first), self._measurable(second)
+        count = coal.collide(one, self._pose(first), other, self._pose(second), request, result)
         depths = [-result.getContact(i).penetration_depth for i in range(min(count, MAX_CONTACTS))]
         return max((depth for depth in depths if depth < -NO_DISTANCE_M), default=0.0)
+
+    def _measurable(self, shape: int) -> coal.CollisionGeometry:
+        """A shape as coal can measure distances to it."""
+        surface = self._surfaces.get(shape)
+        return self._shapes[shape] if surface is None else surface.for_distances
 
     def _pose(self, shape: int) -> coal.Transform3s:
         placed = self._placed[shape]

@@ -23,8 +23,9 @@ from planner.collision.distances import Covers, Distances, Enclosure
 from planner.collision.robot.cluster_trees import ClusterTree, tree_of_part
 from planner.collision.robot.robot_shapes import LinkShape, RobotShapes
 from planner.scene.bodies import Body, Scene, Shape
-from planner.scene.coal_shapes import coal_shape, convex_pieces, has_depth
+from planner.scene.coal_shapes import convex_pieces, surface_of
 from planner.scene.contact import PRESSING_TOLERANCE_M, PartContact
+from planner.scene.mesh import Mesh
 
 Supports: TypeAlias = Set[PartContact | str]
 """What a held or pushed body may touch: pairs of parts, or any part of the named bodies."""
@@ -123,7 +124,9 @@ class ShapePairs:
         added = []
         for number, part in enumerate(body.parts):
             placement = T_joint_body * part.T_body_part
-            shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
+            is_surface = not in_pieces and isinstance(part.shape, Mesh) and not part.shape.is_convex
+            surface = surface_of(part.shape) if is_surface else None
+            shapes = (surface.for_contacts,) if surface else convex_pieces(part.shape)
             whole = len(self.made)
             self.shapes[whole] = part.shape
             for shape in shapes:
@@ -132,8 +135,8 @@ class ShapePairs:
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
                 self._part_of[added[-1]] = number
-                inside = None if has_depth(shape) else Enclosure.none()
-                self.made.append(LinkShape(body.name, shape, inside))
+                inside = None if surface is None else Enclosure.none()
+                self.made.append(LinkShape(body.name, shape, inside, surface))
         return added
 
     def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
@@ -189,6 +192,7 @@ class CheckedPairs:
             robot.pieces,
             built.numbers,
             self.padding_m.tolist(),
+            surfaces={i: each.surface for i, each in enumerate(built.made) if each.surface},
         )
 
     @cached_property

@@ -5,7 +5,7 @@ coal enters here; the geometry models of `planner.collision.checker` consist of 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import coal
@@ -15,7 +15,7 @@ import pinocchio as pin
 from baxter_kin.validation import FloatArray, Indices
 from planner.errors import SceneError
 from planner.scene.bodies import Box, Cylinder, Shape, Sphere
-from planner.scene.mesh import Mesh, triangles_of_surface
+from planner.scene.mesh import Mesh
 
 MAX_TOUCHED_TRIANGLES = 1000
 """Maximum number of triangles of a mesh that is not convex and has intended contacts."""
@@ -38,7 +38,13 @@ def coal_shape(shape: Shape) -> coal.CollisionGeometry:
         return coal.Sphere(shape.radius_m)
     if shape.is_convex:
         return convex(shape.vertices, shape.triangles)
-    return surface(shape.vertices, shape.triangles)
+    return surface_of(shape).for_distances
+
+
+@lru_cache(maxsize=64)
+def surface_of(mesh: Mesh) -> Surface:
+    """Coal's trees for a mesh that is not convex; made once while it is in use."""
+    return Surface(mesh.vertices, mesh.triangles)
 
 
 def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
@@ -101,24 +107,36 @@ def triangles_of(geometry: coal.ConvexBase) -> tuple[FloatArray, Indices]:
     return np.array(geometry.points()), triangles
 
 
-def surface(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBBRSS:
-    """Coal's model of triangles, shapes (n, 3), m, and (m, 3), without inside and outside."""
-    return _filled(coal.BVHModelOBBRSS(), vertices, triangles)
+class Surface:
+    """A surface of triangles without inside, in coal's trees, which are made when first used.
 
-
-def surface_for_contacts(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBB:
-    """The same as a tree of oriented boxes, in which contacts are found fastest.
-
-    The tree that distances need bounds a box, or another convex shape, by a swept sphere, which is
-    too loose to exclude triangles within the shape's own thickness: a finger tip 4 mm beside a
-    block took a thousand times as long.
+    Args:
+        vertices: shape (n, 3), m.
+        triangles: shape (m, 3).
     """
-    return _filled(coal.BVHModelOBB(), vertices, triangles)
+
+    def __init__(self, vertices: FloatArray, triangles: Indices) -> None:
+        self._vertices, self._triangles = vertices, triangles
+
+    @cached_property
+    def for_distances(self) -> coal.BVHModelOBBRSS:
+        """The tree in which coal can measure distances."""
+        return surface(self._vertices, self._triangles)
+
+    @cached_property
+    def for_contacts(self) -> coal.BVHModelOBB:
+        """The tree of oriented boxes, in which contacts are found fastest.
+
+        The tree that distances need bounds a box, or another convex shape, by a swept sphere, which
+        is too loose to exclude triangles within the shape's own thickness: a finger tip 4 mm beside
+        a block took a thousand times as long.
+        """
+        return _filled(coal.BVHModelOBB(), self._vertices, self._triangles)
 
 
-def boxed(made: coal.BVHModelOBBRSS) -> coal.BVHModelOBB:
-    """`surface_for_contacts` of a model that coal already has."""
-    return surface_for_contacts(np.array(made.vertices()), triangles_of_surface(made))
+def surface(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBBRSS:
+    """Coal's tree of triangles for distances, shapes (n, 3), m, and (m, 3)."""
+    return _filled(coal.BVHModelOBBRSS(), vertices, triangles)
 
 
 def _filled(empty: coal.BVHModelBase, vertices: FloatArray, triangles: Indices) -> Any:

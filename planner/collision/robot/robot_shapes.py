@@ -26,12 +26,10 @@ from planner.collision.robot.robot_body import LinkBody, RobotBody, fitted
 from planner.errors import SceneError
 from planner.scene.bodies import Part, Shape
 from planner.scene.coal_shapes import (
+    Surface,
     convex,
-    has_depth,
     hull,
     shape_of,
-    surface,
-    surface_for_contacts,
 )
 
 GRIPPER = "_gripper_"
@@ -49,6 +47,7 @@ class LinkShape:
         link: the link or body that it belongs to.
         geometry: of coal.
         enclosure: the volume that its triangles enclose; None for a convex shape.
+        surface: its triangles; None for a convex shape.
         margin_m: maximum distance of the link's mesh outside the shape.
         padding_m: additional thickness in pairs that must keep a margin.
         is_whole: whether it is checked against things that must not be touched.
@@ -58,6 +57,7 @@ class LinkShape:
     link: str
     geometry: coal.CollisionGeometry
     enclosure: Enclosure | None = None
+    surface: Surface | None = None
     margin_m: float = 0.0
     padding_m: float = 0.0
     is_whole: bool = True
@@ -107,11 +107,6 @@ class RobotShapes(OneLine):
     def made(self) -> tuple[LinkShape, ...]:
         """The shapes of all links."""
         return link_shapes(self.fitted_body, self._names)
-
-    @property
-    def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
-        """The surfaces among the shapes, by number, in the form for finding contacts fast."""
-        return surfaces_for_contacts(self.fitted_body, self._names)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -326,24 +321,9 @@ def _scene_shape(made: LinkShape) -> Shape:
     return shape_of(made.geometry)
 
 
-@lru_cache(maxsize=4)
-def surfaces_for_contacts(body: RobotBody, names: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
-    """The surfaces of some links of a body, by number, for `RobotShapes.for_contacts`."""
-    return {
-        number: _surface_for_contacts(_Content.of(body.links[made.link]))
-        for number, made in enumerate(link_shapes(body, names))
-        if not has_depth(made.geometry)
-    }
-
-
 @lru_cache(maxsize=MAX_KEPT)
 def _shapes_by(content: _Content) -> tuple[LinkShape, ...]:
     return tuple(_of_link(content.link))
-
-
-@lru_cache(maxsize=MAX_KEPT)
-def _surface_for_contacts(content: _Content) -> coal.BVHModelOBB:
-    return surface_for_contacts(*content.link.whole)
 
 
 def _of_link(link: LinkBody) -> Iterator[LinkShape]:
@@ -353,10 +333,12 @@ def _of_link(link: LinkBody) -> Iterator[LinkShape]:
         return
     whole = link.whole
     inside = link.enclosure if link.has_surface else whole
+    surface = Surface(*whole)
     yield LinkShape(
         link.name,
-        surface(*whole),
+        surface.for_contacts,
         Enclosure(*inside),
+        surface,
         margin_m=link.margin_m,
         is_detail=not pieces,
     )
