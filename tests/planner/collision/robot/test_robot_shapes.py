@@ -26,7 +26,7 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
-from planner.collision.robot.robot_shapes import LinkShape, link_shapes, surfaces_for_contacts
+from planner.collision.robot.robot_shapes import LinkShape, link_shapes
 from planner.errors import SceneError
 from planner.scene.bodies import Sphere
 from planner.scene.coal_shapes import has_depth
@@ -184,8 +184,9 @@ def test_verify_accepts_the_proofs_of_a_plan_with_the_body(
 @given(seed=seeds)
 def test_contacts_agree_with_distances(robot: Baxter, seed: int) -> None:
     shapes, rng = RobotShapes(robot), np.random.default_rng(seed)
-    number = int(rng.choice(sorted(shapes.for_contacts)))
-    link = shapes.model.geometryObjects[number].geometry
+    surfaces = [shape.surface for shape in shapes.made if shape.surface is not None]
+    surface = surfaces[rng.integers(len(surfaces))]
+    link = surface.for_distances
     others = [
         coal.Box(*rng.uniform(0.002, 0.2, size=3)),
         coal.Cylinder(0.03, 0.1),
@@ -202,8 +203,8 @@ def test_contacts_agree_with_distances(robot: Baxter, seed: int) -> None:
             request, result = coal.CollisionRequest(), coal.CollisionResult()
             request.security_margin = margin_m
             placed = coal.Transform3s(T.rotation, T.translation)
-            surface = shapes.for_contacts[number]
-            found = coal.collide(surface, coal.Transform3s(), other, placed, request, result)
+            tree = surface.for_contacts
+            found = coal.collide(tree, coal.Transform3s(), other, placed, request, result)
             assert bool(found) == (distance_m <= margin_m)
 
 
@@ -266,12 +267,13 @@ def test_padding_thickens_all_shapes_and_moves_none(
         assert other.padding_m == one.padding_m + 0.004
 
 
-def test_surfaces_for_contacts_are_of_the_same_triangles(
-    body: RobotBody, names: frozenset[str], made: tuple[LinkShape, ...]
+def test_surfaces_for_contacts_and_for_distances_are_of_the_same_triangles(
+    made: tuple[LinkShape, ...],
 ) -> None:
-    found = surfaces_for_contacts(body, names)
-    assert set(found) == {i for i, shape in enumerate(made) if not has_depth(shape.geometry)}
-    for number, fast in found.items():
-        slow = made[number].geometry
-        assert fast.num_tris == slow.num_tris
-        np.testing.assert_allclose(fast.vertices(), slow.vertices(), rtol=0.0, atol=1e-12)
+    for shape in made:
+        assert (shape.surface is None) is has_depth(shape.geometry)
+        if shape.surface is not None:
+            fast, slow = shape.surface.for_contacts, shape.surface.for_distances
+            assert shape.geometry is fast
+            assert fast.num_tris == slow.num_tris
+            np.testing.assert_allclose(fast.vertices(), slow.vertices(), rtol=0.0, atol=1e-12)
