@@ -92,7 +92,7 @@ class State:
         Raises:
             TaskError: when one is not among `joints`.
         """
-        asked = tuple(names)
+        asked = expect_all(names, str, "names of joints", TaskError)
         missing = [name for name in asked if name not in self.joints]
         if missing:
             raise TaskError(f"the state has no joint {', '.join(missing)}")

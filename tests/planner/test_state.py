@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -126,3 +127,9 @@ def test_a_body_in_two_hands_is_where_both_have_it(state: State, manipulator: Ma
 def test_a_missing_joint_is_named(state: State) -> None:
     with pytest.raises(TaskError, match="no joint left_s7"):
         state.q(["left_s0", "left_s7"])
+
+
+@pytest.mark.parametrize("names", [5, "left_s0", [5], repeat("left_s0")], ids=str)
+def test_malformed_names_of_joints_are_refused(state: State, names: Any) -> None:
+    with pytest.raises(TaskError):
+        state.q(names)
