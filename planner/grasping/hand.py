@@ -7,7 +7,7 @@ The closing axis is y of the gripper frame. The left finger slides along +y by t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -241,11 +241,20 @@ class Hand:
         first, second = self.pads
         return [_shifted(p, finger_m) for p in first], [_shifted(p, -finger_m) for p in second]
 
-    def fingers_at(self, T_base_tip: pin.SE3, finger_m: float) -> Iterator[Part]:
-        """All shapes of both fingers at a finger position, seen from base."""
-        for finger, sign in zip(self.fingers, (1.0, -1.0), strict=True):
-            for part in finger:
-                yield part.at(T_base_tip * _along_y(sign * finger_m) * part.T_body_part)
+    def fingers_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
+        """All shapes of both fingers at a finger position, seen from base.
+
+        Raises:
+            PoseError: when the pose is invalid.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        T = checked_pose(T_base_tip)
+        return tuple(
+            part.at(T * _along_y(sign * finger_m) * part.T_body_part)
+            for finger, sign in zip(self.fingers, (1.0, -1.0), strict=True)
+            for part in finger
+        )
 
     def pads_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
         """The shapes of both pads at a finger position, seen from base.

@@ -126,3 +126,14 @@ def test_a_body_in_two_hands_is_where_both_have_it(state: State, manipulator: Ma
 def test_a_missing_joint_is_named(state: State) -> None:
     with pytest.raises(TaskError, match="no joint left_s7"):
         state.q(["left_s0", "left_s7"])
+
+
+@pytest.mark.parametrize("bad", [None, 5, "left", [None]])
+def test_its_methods_refuse_arguments_of_another_class(state: State, bad: Any) -> None:
+    for use in (
+        lambda: State.of(bad, state.scene),
+        lambda: state.q(bad),
+        lambda: state.moved(bad, {}),
+    ):
+        with pytest.raises(TaskError):
+            use()

@@ -456,6 +456,7 @@ def test_refuses_an_invalid_finger_position(hand: Hand, finger_m: Any) -> None:
         hand.percent,
         lambda x: hand.close_on(ORIGIN, body, x),
         lambda x: hand.pads_at(ORIGIN, x),
+        lambda x: hand.fingers_at(ORIGIN, x),
         lambda x: hand.room_m(ORIGIN, x, body),
     ):
         with pytest.raises(ConfigurationError, match="finger position"):
