@@ -78,7 +78,13 @@ class State:
             scene: all bodies.
             held: what the hands hold.
             q: configuration of its arm, shape (7,), rad; by default that of `q_others`.
+
+        Raises:
+            TaskError: when an argument is invalid.
         """
+        from planner.manipulator import Manipulator  # noqa: PLC0415 - it imports this module
+
+        expect(manipulator, Manipulator, "manipulator", TaskError)
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
         joints |= manipulator.hand.finger_joints(manipulator.finger_m)
@@ -90,13 +96,13 @@ class State:
         """The values of some joints, in order.
 
         Raises:
-            TaskError: when one is not among `joints`.
+            TaskError: when one is not among `joints`, or not a name.
         """
-        asked = expect_all(names, str, "names of joints", TaskError)
-        missing = [name for name in asked if name not in self.joints]
+        wanted = expect_all(names, str, "names of joints", TaskError)
+        missing = [name for name in wanted if name not in self.joints]
         if missing:
             raise TaskError(f"the state has no joint {', '.join(missing)}")
-        return np.array([self.joints[name] for name in asked])
+        return np.array([self.joints[name] for name in wanted])
 
     def holding(self, side: str) -> Attachment | None:
         """What a hand holds, or None."""
@@ -106,8 +112,11 @@ class State:
         """The state with some joints moved, and the bodies attached to their links.
 
         Raises:
-            TaskError: when two hands that hold one body would move it to two poses.
+            TaskError: when two hands that hold one body would move it to two poses, or an
+                argument is invalid.
         """
+        expect(robot, Baxter, "robot", TaskError)
+        expect(joints, Mapping, "joints", TaskError)  # type: ignore[type-abstract]
         state = evolve(self, joints={**self.joints, **joints})
         scene, placed = self.scene, dict[str, pin.SE3]()
         for each in self.attachments:

@@ -11,9 +11,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.display import OneLine, count, quoted
+from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.validation import FloatArray, Indices, expect, expect_all, finite_array
+from baxter_kin.validation import FloatArray, Indices, expect, finite_array, whole_scalar
 from planner.clearance import Clearance
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import MotionBounds
@@ -23,7 +23,7 @@ from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment, Scene
 from planner.scene.coal_shapes import hull
-from planner.scene.contact import Contact, PartContact
+from planner.scene.contact import Contact, PartContact, checked_supports
 
 MAX_JOINT = 1000.0
 """Largest joint value, rad or m; distances at larger ones would lose digits."""
@@ -81,7 +81,7 @@ class ClearanceChecker(OneLine):
         expect(arm, Arm, "arm", SceneError)
         expect(may_press, bool, "may_press", SceneError)
         _check_situation(arm, scene, touchable, held)
-        touched = _checked_supports(supports)
+        touched = checked_supports(supports)
         self.arm = arm
         self._made_by = partial(
             ClearanceChecker,
@@ -139,7 +139,13 @@ class ClearanceChecker(OneLine):
         return geometry
 
     def hull(self, shape: int) -> coal.CollisionGeometry:
-        """The convex hull of a shape, made once, as coal's functors hold bare pointers to it."""
+        """The convex hull of a shape, made once, as coal's functors hold bare pointers to it.
+
+        Raises:
+            SceneError: when there is no shape of this number.
+        """
+        most = self.geometry.ngeoms - 1
+        shape = whole_scalar(shape, "number of a shape", SceneError, least=0, most=most)
         if shape < len(self.shapes.links):
             return self.shapes.hull(shape)
         if shape not in self._hulls:
@@ -217,13 +223,6 @@ class ClearanceChecker(OneLine):
             if distance_m < least_m and not distance_m > need_m:  # NaN: without an own need
                 nearest, least_m = pair, distance_m
         return nearest, least_m
-
-
-def _checked_supports(supports: Iterable[PartContact | str]) -> frozenset[PartContact | str]:
-    touched = expect_all(supports, object, "supports", SceneError)
-    if not all(isinstance(each, (str, PartContact)) for each in touched):
-        raise SceneError(f"supports must be names or pairs of parts, got {quoted(touched)}")
-    return frozenset(each for each in touched if isinstance(each, (str, PartContact)))
 
 
 def _check_situation(

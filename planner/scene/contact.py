@@ -13,9 +13,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import millimetres
+from baxter_kin.display import millimetres, quoted
 from baxter_kin.fields import frozen
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, expect, expect_all
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene
 from planner.scene.coal_shapes import (
@@ -158,18 +158,30 @@ class Contact:
             side: of the hand.
             body: name of the body.
             may_press: whether the pads may press on the body.
+
+        Raises:
+            SceneError: when an argument is of another class.
         """
+        expect(may_press, bool, "may_press", SceneError)
         near = cls(body, f"{side} hand")
         return (near, cls(body, f"{side} pads", least_m=-PRESSING_TOLERANCE_M))[: 1 + may_press]
 
     @classmethod
     def of_supports(cls, body: str, supports: Iterable[PartContact | str]) -> tuple[Contact, ...]:
-        """Those of a body with what it stood or will stand on."""
+        """Those of a body with what it stood or will stand on.
+
+        Args:
+            body: name of the body.
+            supports: pairs of parts, or names of bodies of which any part may be touched.
+
+        Raises:
+            SceneError: when an argument is of another class.
+        """
         found = (
             cls(body, each, least_m=-PRESSING_TOLERANCE_M)
             if isinstance(each, str)
             else cls(body, each.other, each.part, each.other_part, -PRESSING_TOLERANCE_M)
-            for each in supports
+            for each in checked_supports(supports)
         )
         return tuple(sorted(found, key=lambda contact: contact.pair))
 
@@ -202,6 +214,15 @@ class PartContact(NamedTuple):
     part: int
     other: str
     other_part: int
+
+
+def checked_supports(supports: Iterable[PartContact | str]) -> frozenset[PartContact | str]:
+    """What a held body may touch, refused unless it is names and pairs of parts."""
+    given = expect_all(supports, object, "supports", SceneError)
+    found = [each for each in given if isinstance(each, (str, PartContact))]
+    if len(found) < len(given):
+        raise SceneError(f"supports must be names or pairs of parts, got {quoted(given)}")
+    return frozenset(found)
 
 
 def part_contacts(body: Body, scene: Scene) -> frozenset[PartContact]:

@@ -129,7 +129,12 @@ def test_a_missing_joint_is_named(state: State) -> None:
         state.q(["left_s0", "left_s7"])
 
 
-@pytest.mark.parametrize("names", [5, "left_s0", [5], repeat("left_s0")], ids=str)
-def test_malformed_names_of_joints_are_refused(state: State, names: Any) -> None:
-    with pytest.raises(TaskError):
-        state.q(names)
+@pytest.mark.parametrize("bad", [None, 5, "left", [None], repeat("left_s0")], ids=str)
+def test_its_methods_refuse_arguments_of_another_class(state: State, bad: Any) -> None:
+    for use in (
+        lambda: State.of(bad, state.scene),
+        lambda: state.q(bad),
+        lambda: state.moved(bad, {}),
+    ):
+        with pytest.raises(TaskError):
+            use()

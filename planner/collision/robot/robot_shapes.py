@@ -167,7 +167,7 @@ class RobotShapes(OneLine):
 
     def pairs_of(self, arm: Arm) -> tuple[tuple[int, int], ...]:
         """The pairs that an arm moves, excluding those within its hand; found once for each arm."""
-        if arm.side not in self._pairs_of:
+        if _checked(arm).side not in self._pairs_of:
             moving, hand = self.of_arm(arm), self.of_hand(arm)
             self._pairs_of[arm.side] = tuple(
                 pair

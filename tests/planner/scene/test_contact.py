@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.coal_shapes import coal_shape
-from planner.scene.contact import PartContact, part_contacts, touching, travel_to_contact
+from planner.scene.contact import Contact, PartContact, part_contacts, touching, travel_to_contact
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import distance, hull, mesh_of
@@ -191,3 +192,15 @@ def test_only_the_parts_that_touch_are_contacts() -> None:
     scene = Scene.of([tee, step])
     assert part_contacts(tee, scene) == {PartContact(0, "step", 0)}
     assert touching(tee, scene) == {"step"}
+
+
+@pytest.mark.parametrize("supports", [None, 5, "table", [None], [[1, 2]]])
+def test_intended_contacts_refuse_invalid_supports(supports: Any) -> None:
+    with pytest.raises(SceneError):
+        Contact.of_supports("block", supports)
+
+
+@pytest.mark.parametrize("may_press", [None, "yes", 1])
+def test_intended_contacts_refuse_an_invalid_choice(may_press: Any) -> None:
+    with pytest.raises(SceneError):
+        Contact.of_hand("left", "block", may_press=may_press)
