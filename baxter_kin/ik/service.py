@@ -303,6 +303,7 @@ class IKService(OneLine):
             q = best_on(curve, objective)
         else:
             q = best_of(all_pieces(arm, self.search, T_base_tip, step_rad, result.q), objective)
+        q.setflags(write=False)
         errors = EXACT.excess(T_base_tip, arm.T_base_tip(q))
         return IKResult(arm.joint_names, q, result.seed_type, *errors)
 

@@ -22,7 +22,7 @@ from baxter_kin.ik.result import (
     POSITION_TOLERANCE_M,
     IKFailure,
     IKResult,
-    unchecked_result,
+    pending_failure,
 )
 from baxter_kin.ik.search.explanation import BestAttempt, Explainer
 from baxter_kin.ik.search.ipopt import IpoptSearcher
@@ -142,7 +142,7 @@ class Solver:
     def _result(self, q: FloatArray, seed_type: SeedType, offset: float, angle: float) -> IKResult:
         q = q.copy()
         q.setflags(write=False)
-        return unchecked_result(self.arm.joint_names, q, seed_type, (offset, angle))
+        return IKResult(self.arm.joint_names, q, seed_type, offset, angle)
 
 
 class Solvers:
@@ -226,10 +226,10 @@ class Batch:
         rows = zip(self._q, *columns, strict=True)
         for i, (q, seed_type, offset, angle) in enumerate(rows):
             if seed_type:
-                yield unchecked_result(names, q, _SEED_TYPES[seed_type], (offset, angle))
+                yield IKResult(names, q, _SEED_TYPES[seed_type], offset, angle)
             else:
-                failure = IKFailure.later(partial(self._why, i, explainer))
-                yield unchecked_result(names, q, SeedType.INVALID, (offset, angle), failure)
+                failure = pending_failure(partial(self._why, i, explainer))
+                yield IKResult(names, q, SeedType.INVALID, offset, angle, failure)
 
     def _search_from_seeds(self, solver: Solver, seed_type: SeedType) -> None:
         seeds = self._seeds[seed_type]
