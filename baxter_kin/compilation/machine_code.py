@@ -1,9 +1,10 @@
 """C as machine code, where a C compiler is found; never required.
 
-C is compiled once and kept under a name that is a hash of what it is made from, so that another
-model or version gets another file. Compilers are tried in turn, and a library is kept only if it
-passes its test in another process. If anything fails, the answer is None and something slower does
-the work: for CasADi's functions, its virtual machine.
+C is compiled once and kept under a name that contains a hash of everything it is made from, so that
+another model or version gets another file. Compilers are tried in turn, and a library is kept only
+if it passes its test in another process (`baxter_kin.compilation.agreement` for CasADi functions).
+If anything fails, the result is None and a slower implementation is used: for CasADi functions, its
+virtual machine.
 
 Libraries are machine code that runs with this user's rights. They are loaded only from a folder
 that belongs to this user and that nobody else may write to: `baxter-kin` in `$XDG_CACHE_HOME` or
@@ -39,19 +40,22 @@ from baxter_kin.compilation.compiler import FLAGS, Compiler, compilers, run_with
 from baxter_kin.errors import FileError
 
 TEST_S = 60.0
-"""Time limit for the test of a library; half a second is usual."""
+"""Time limit for the test of a library, which usually takes half a second."""
 
 MAX_LIBRARIES = 16
-"""How many are kept, the newest ones: those of both arms in four versions of model or toolkit. Of
-notes about compilers no more."""
+"""How many libraries are kept, the newest ones: those of both arms in four versions of model or
+toolkit. As many notes about compilers are kept."""
 
 ABANDONED_AFTER_S = 86_400.0
-"""Age of unfinished builds, left by a killed process, that are removed."""
+"""Age from which unfinished builds, left by a killed process, are removed."""
 
 _BUILD = "build-"
 
+_NAMING = "2"
+"""Version of the rule by which libraries are named; others are never looked up."""
+
 _FAILED: set[Compiler] = set()
-"""Compilers that have failed in this process; they are not tried again."""
+"""Compilers that failed in this process; they are not tried again."""
 
 log = logging.getLogger(__name__)
 
@@ -60,27 +64,27 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class Kernel(Protocol[T_co]):
-    """C that can be compiled, and how it is used."""
+    """C source that can be compiled, and how to load the result."""
 
     @property
     def instead(self) -> str:
-        """What does the work where it cannot be compiled."""
+        """What is used where it cannot be compiled, as a phrase."""
 
     @property
     def key(self) -> str:
-        """A hash of all that the machine code depends on, except for the compiler."""
+        """A hash of everything that the machine code depends on, except the compiler."""
 
     @property
     def source(self) -> str:
-        """The C."""
+        """The C source."""
 
     def load(self, library: Path) -> T_co | None:
-        """The content of a library, which has passed its test; None if it does not load."""
+        """The content of a library that has passed its test; None if it does not load."""
 
     def trial(self, library: Path) -> Sequence[str]:
-        """A command that has exit status 0 if a library contains the kernel; rubbish may kill it.
+        """A command whose exit status is 0 if a library contains the kernel and is correct.
 
-        Files may be left beside the library.
+        A broken library may kill its process. It may leave files beside the library.
         """
 
 
@@ -91,9 +95,9 @@ def compiled(
     """CasADi functions as machine code; None without a compiler or when anything fails.
 
     Args:
-        functions: they share a library.
-        alongside: makes those of other libraries that are compiled whenever this one has to be, so
-            that nobody waits for them later.
+        functions: the contents of one library.
+        alongside: makes the functions of further libraries, which are compiled whenever this one
+            has to be, so that nobody waits for them later.
     """
     return built(_Functions(functions), lambda: map(_Functions, alongside()))
 
@@ -104,8 +108,8 @@ def built(
     """A kernel as machine code; None without a compiler or when anything fails.
 
     Args:
-        kernel: the C.
-        alongside: makes other kernels that are compiled whenever this one has to be.
+        kernel: the C source.
+        alongside: makes further kernels, which are compiled whenever this one has to be.
     """
     found = compilers()
     if not found:
@@ -129,8 +133,8 @@ def built(
 
 
 def key_of(*parts: str | bytes) -> str:
-    """A hash of the source of a kernel, of the compiler's flags and of the kind of machine."""
-    own = (*parts, *FLAGS, platform.system(), platform.machine())
+    """A hash of what a kernel is made from, the compiler's flags and the kind of machine."""
+    own = (_NAMING, *parts, *FLAGS, platform.system(), platform.machine())
     texts = (part if isinstance(part, bytes) else part.encode() for part in own)
     return _digest(b"\0".join(texts))
 
@@ -154,7 +158,10 @@ class _Functions:
         return str(generator.dump())
 
     def load(self, library: Path) -> tuple[ca.Function, ...] | None:
-        return agreement.loaded(self.functions, str(library))
+        try:
+            return tuple(ca.external(each.name(), str(library)) for each in self.functions)
+        except RuntimeError:
+            return None
 
     def trial(self, library: Path) -> Sequence[str]:
         saved = [library.with_name(f"{i}.casadi") for i in range(len(self.functions))]
@@ -167,7 +174,7 @@ class _Functions:
 
 
 def _made(kernel: Kernel[T_co], cache: KernelCache, found: Sequence[Compiler]) -> T_co | None:
-    """Compiled by the first compiler that can, and kept."""
+    """The kernel, compiled by the first compiler that works, and kept in the cache."""
     how_often = f"once; kept in {cache.folder}" if cache.is_lasting else "once in this process"
     for compiler in found:
         if compiler in _FAILED or cache.note(compiler).exists():
@@ -186,21 +193,21 @@ def _made(kernel: Kernel[T_co], cache: KernelCache, found: Sequence[Compiler]) -
 def _made_by(
     compiler: Compiler, kernel: Kernel[object], folder: Path, cache: KernelCache
 ) -> Path | None:
-    """A library that passes its test; None from a broken compiler, which is remembered."""
+    """A library that passes its test; None if the compiler is broken, which is remembered."""
     try:
         library = compiler.compile(kernel.source, folder)
         if _passes_test(kernel, library):
             return library
-        reason = "what it writes does not load, or computes something else"
+        reason = "its output does not load, or computes something else"
     except subprocess.TimeoutExpired as cause:
-        reason = f"no answer within {cause.timeout:g} s; not asked again until it changes"
+        reason = f"no answer within {cause.timeout:g} s; not tried again until it changes"
         cache.note(compiler).write_text(f"{compiler}: {reason}\n", "utf-8")
     except subprocess.CalledProcessError as cause:
         reason = f"exit status {cause.returncode}"
     except OSError as cause:
         reason = cause.strerror or str(cause)
     log.warning(
-        "%s cannot compile a kernel (%s); another compiler, or else %s, takes its place",
+        "%s cannot compile a kernel (%s); another compiler, or else %s, is used instead",
         compiler,
         reason,
         kernel.instead,
@@ -210,7 +217,7 @@ def _made_by(
 
 
 def _passes_test(kernel: Kernel[object], library: Path) -> bool:
-    """Whether it contains the kernel, tested in another process, which it may kill."""
+    """Whether a library contains the kernel; tested in another process, which it may kill."""
     imports = os.pathsep.join(filter(os.path.isabs, sys.path))  # the same modules are found there
     environment = {**os.environ, "PYTHONPATH": imports}
     try:
@@ -225,7 +232,7 @@ def _passes_test(kernel: Kernel[object], library: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class KernelCache:
-    """A folder of this user's own with libraries.
+    """A folder with libraries that belongs to this user alone.
 
     Attributes:
         folder: absolute.
@@ -237,7 +244,7 @@ class KernelCache:
 
     @property
     def is_writable(self) -> bool:
-        """Whether something may be added."""
+        """Whether libraries can be added."""
         return os.access(self.folder, os.W_OK | os.X_OK)
 
     def library(self, key: str) -> Path | None:
@@ -259,7 +266,7 @@ class KernelCache:
         return library
 
     def note(self, compiler: Compiler) -> Path:
-        """A file that says that a compiler hangs."""
+        """The file that records that a compiler hangs."""
         return self.folder / f"{compiler.version_key}.note"
 
     def _remove_oldest(self, newest: Path) -> None:
@@ -274,13 +281,10 @@ class KernelCache:
 
 
 def kernel_caches() -> Iterator[KernelCache]:
-    """Caches to search; a new library goes to the first that is writable.
+    """Caches in the order in which they are searched; the first writable one takes new libraries.
 
-    First the user's folder, if it is this user's own; then one of this process, which is made when
-    it is first needed.
-
-    Raises:
-        OSError: when the one of this process cannot be made.
+    The first is the user's folder, if it belongs to this user alone; the second belongs to this
+    process and is made when it is first needed.
     """
     try:
         user = KernelCache(_own(user_folder()), is_lasting=True)
@@ -297,10 +301,8 @@ def kernel_caches() -> Iterator[KernelCache]:
 def user_folder() -> Path:
     """The user's cache folder.
 
-    A relative `XDG_CACHE_HOME` is ignored, as the XDG Base Directory Specification wants it.
-
-    Raises:
-        FileError: when it is not known, as with an empty `HOME`.
+    A relative `XDG_CACHE_HOME` is ignored, as the XDG Base Directory Specification requires. An
+    empty `HOME` is refused with a `FileError`.
     """
     cache = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(cache):
@@ -320,7 +322,7 @@ def private_folder() -> Path:
 
 
 def _remove(folder: Path, owner: int) -> None:
-    """At the end of the process that made it, but not of its forks."""
+    """Remove a folder at the end of the process that made it, but not of its forks."""
     if os.getpid() == owner:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -328,11 +330,10 @@ def _remove(folder: Path, owner: int) -> None:
 def _own(folder: Path) -> Path:
     """A folder that belongs to this user and that nobody else may write to; made if missing.
 
-    Raises:
-        FileError: when it cannot be made, or when it is not this user's own.
+    Any other folder is refused with a `FileError`.
     """
     if not hasattr(os, "geteuid"):
-        raise FileError("use", folder, "this system does not say who owns it")
+        raise FileError("use", folder, "this system does not know its owner")
     try:
         above = next(path for path in folder.parents if path.exists())
         if not folder.exists() and os.geteuid() == 0 and above.stat().st_uid != 0:
@@ -356,7 +357,8 @@ def _own(folder: Path) -> Path:
 
 
 def _name(key: str, content: bytes) -> str:
-    return f"{key}-{_digest(content)}.so"
+    """The file name of a library; a library under the name of another kernel counts as damaged."""
+    return f"{key}-{_digest(key.encode() + content)}.so"
 
 
 def _digest(content: bytes) -> str:

@@ -461,7 +461,7 @@ def _wrist_turns_m(T_last_tip: pin.SE3, tolerance: Tolerance) -> float:
     if tolerance.free_axis is not None:
         axis = np.eye(3)[tolerance.free_axis]
         along, across = abs(float(axis @ wrist)), float(np.linalg.norm(np.cross(axis, wrist)))
-    return 2.0 * along * math.sin(0.5 * tolerance.most_turned_rad) + 2.0 * across
+    return 2.0 * along * math.sin(0.5 * tolerance.max_rotation_rad) + 2.0 * across
 
 
 def _fixes_gripper(T_last_tip: pin.SE3, tolerance: Tolerance) -> bool:

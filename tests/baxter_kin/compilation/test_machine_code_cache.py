@@ -158,7 +158,7 @@ def test_where_a_system_does_not_know_owners_nothing_is_kept(
     cache: KernelCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr(os, "geteuid")
-    with pytest.raises(FileError, match="does not say who owns it"):
+    with pytest.raises(FileError, match="does not know its owner"):
         list(kernel_caches())
 
 

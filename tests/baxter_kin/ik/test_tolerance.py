@@ -131,15 +131,15 @@ def test_nothing_within_a_tolerance_turns_more_than_it_says(
     widths: tuple[float, float, float], roll: float
 ) -> None:
     """At the corners, where rotation or lean is greatest."""
-    assert Tolerance(rotation_rad=widths).most_turned_rad == pytest.approx(np.linalg.norm(widths))
+    assert Tolerance(rotation_rad=widths).max_rotation_rad == pytest.approx(np.linalg.norm(widths))
     box = Tolerance.tilt_box("z", tilt_rad=widths[:2])
     corner = pin.exp3(np.array([widths[0], widths[1], 0.0])) @ pin.exp3(np.array([0.0, 0.0, roll]))
     reached = pin.SE3(corner, np.zeros(3))
     assert excess_rad(box, reached) == pytest.approx(0.0, abs=ROUNDING)
     lean = excess_rad(Tolerance.about("z"), reached)
-    assert lean == pytest.approx(box.most_turned_rad, abs=1e-7)
-    assert Tolerance.about("x", tilt_rad=widths[0]).most_turned_rad == widths[0]
-    assert Tolerance.position_only().most_turned_rad == np.pi
+    assert lean == pytest.approx(box.max_rotation_rad, abs=1e-7)
+    assert Tolerance.about("x", tilt_rad=widths[0]).max_rotation_rad == widths[0]
+    assert Tolerance.position_only().max_rotation_rad == np.pi
 
 
 @axes
