@@ -28,13 +28,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import PoseError
+from baxter_kin.fields import evolve
 from baxter_kin.ik.reach.linkage import FAR_M, Linkage
 from baxter_kin.ik.reach.pose_sweep import MAX_SURVIVORS, MAX_SURVIVORS_IF_THOROUGH, PoseSweep
 from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M, Flags, ShoulderSweep
@@ -466,7 +467,7 @@ def _wrist_turns_m(T_last_tip: pin.SE3, tolerance: Tolerance) -> float:
 
 def _fixes_gripper(T_last_tip: pin.SE3, tolerance: Tolerance) -> bool:
     """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
-    oriented = replace(tolerance, position_m=EXACT.position_m)
+    oriented = evolve(tolerance, position_m=EXACT.position_m)
     if oriented == EXACT:
         return True
     p, z = T_last_tip.translation, T_last_tip.rotation[:, 2]

@@ -15,15 +15,15 @@ Twice it is the rotation vector, to first order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import count
 from baxter_kin.errors import RequestError
+from baxter_kin.fields import array, frozen
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
 from baxter_kin.ik.search.search_function import CONVERGED_M, CONVERGED_RAD, INSET, task_coordinates
@@ -32,7 +32,7 @@ from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.symbolic import SymbolicArm, quaternion_product
-from baxter_kin.validation import Checked, FloatArray, expect
+from baxter_kin.validation import FloatArray, expect
 
 MAX_ITERATIONS = 100
 
@@ -55,8 +55,8 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Program(Checked, OneLine, error=RequestError):
+@frozen(error=RequestError)
+class Program:
     """The nonlinear program of one arm.
 
     Attributes:
@@ -71,7 +71,7 @@ class Program(Checked, OneLine, error=RequestError):
     parameters: ca.SX
     objective: ca.SX
     pose_error: ca.SX
-    widths: FloatArray
+    widths: FloatArray = array(None)
 
     @classmethod
     def of(cls, arm: Arm, tolerance: Tolerance = EXACT, *, is_nearest: bool = False) -> Program:

@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.display import OneLine, numbers, quoted
+from baxter_kin.display import quoted
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.fields import Frozen
+from baxter_kin.fields import array, frozen
 from baxter_kin.ik.self_motion.continuation import least
 from baxter_kin.ik.self_motion.tracing import SelfMotion
 from baxter_kin.kinematics.arm import Arm
@@ -61,8 +61,8 @@ class Objective(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class NearestTo(Frozen, OneLine):
+@frozen(error=ConfigurationError)
+class NearestTo:
     """Nearest to a seed in joint space.
 
     Cost: `1/2 |q - q_seed|^2`, in rad^2: the least joint motion from where the arm is (Whitney,
@@ -75,20 +75,13 @@ class NearestTo(Frozen, OneLine):
         ConfigurationError: when `q_seed` has another shape or is not finite.
     """
 
-    q_seed: FloatArray
-
-    def __post_init__(self) -> None:
-        seed = finite_array(self.q_seed, (7,), "q_seed", ConfigurationError)
-        object.__setattr__(self, "q_seed", seed)
+    q_seed: FloatArray = array(7)
 
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the seed, shape (n,), rad^2."""
         rows = finite_rows(q, 7, "q", ConfigurationError)
         squares = np.square(rows - self.q_seed)
         return np.array(0.5 * squares.sum(axis=1))
-
-    def _facts(self) -> tuple[str, ...]:
-        return (f"q_seed={numbers(self.q_seed)} rad",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,15 +10,15 @@ follows the piece through one configuration to both its ends;
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import count
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.fields import Frozen
+from baxter_kin.fields import array, field, frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.self_motion.continuation import CurveEnd, EndKind, filled, walk_both_ways
 from baxter_kin.ik.self_motion.solution_curve import (
@@ -31,10 +31,8 @@ from baxter_kin.ik.self_motion.solution_curve import (
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,
-    check_fields,
     expect,
     finite_array,
-    finite_rows,
     finite_scalar,
     positive_scalar,
 )
@@ -42,7 +40,7 @@ from baxter_kin.validation import (
 STEP_RAD = 0.02
 """Longest step along the curve: a few hundred points for a whole curve."""
 
-LEAST_STEP_RAD, MOST_STEP_RAD = 0.001, 0.2
+ALLOWED_STEPS_RAD = 0.001, 0.2
 """Steps that may be asked for: shorter ones give curves of ten thousands of points, with longer
 ones the corrector may land on another branch."""
 
@@ -52,8 +50,12 @@ _OUTSIDE_RAD = 1e-9
 _NEAREST_ITERATIONS = 20
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SelfMotion(Frozen, OneLine):
+def _copied(given: Any) -> Any:
+    return pin.SE3(given) if isinstance(given, pin.SE3) else given
+
+
+@frozen(error=ConfigurationError)
+class SelfMotion:
     """One connected piece of the self-motion of a pose, between its ends; n points.
 
     It runs in the direction in which `det [J; tangent']` is positive, wherever the tracing began.
@@ -74,27 +76,24 @@ class SelfMotion(Frozen, OneLine):
     """
 
     arm: Arm
-    T_base_tip: pin.SE3
-    q: FloatArray
-    s: FloatArray
-    tangent: FloatArray
-    manipulability: FloatArray
-    limit_distance_rad: FloatArray
+    T_base_tip: pin.SE3 = field(converter=_copied)
+    q: FloatArray = array(None, 7)
+    s: FloatArray = array(None)
+    tangent: FloatArray = array(None, 7)
+    manipulability: FloatArray = array(None)
+    limit_distance_rad: FloatArray = array(None)
     pose_residual: float
     s_start: float
     ends: tuple[CurveEnd, CurveEnd]
 
-    def __post_init__(self) -> None:
-        check_fields(self, ConfigurationError)
-        n = len(finite_rows(self.q, 7, "q", ConfigurationError))
-        if n == 0:
-            raise ConfigurationError("a curve has one point or more, got none")
-        shapes = {"q": (n, 7), "s": (n,), "tangent": (n, 7)}
-        shapes |= {"manipulability": (n,), "limit_distance_rad": (n,)}
-        for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, ConfigurationError)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "T_base_tip", pin.SE3(self.T_base_tip))
+    def __attrs_post_init__(self) -> None:
+        arrays = self.q, self.s, self.tangent, self.manipulability, self.limit_distance_rad
+        lengths = {len(each) for each in arrays}
+        if len(lengths) > 1 or lengths == {0}:
+            raise ConfigurationError(
+                "the arrays of a curve must have one point or more, and as many each; got "
+                f"{', '.join(map(str, sorted(lengths)))}"
+            )
 
     @property
     def is_closed(self) -> bool:
@@ -216,7 +215,7 @@ def trace_self_motion(
     Raises:
         ConfigurationError: when `q` has another shape, is not finite or is outside the limits, or
             when no configuration next to it reaches `T_base_tip` inside the limits.
-        RequestError: when the step is not in `LEAST_STEP_RAD` .. `MOST_STEP_RAD`, or `towards` is
+        RequestError: when the step is not in the range `ALLOWED_STEPS_RAD`, or `towards` is
             no direction, or `arm` no arm.
         PoseError: when `T_base_tip` is no pose.
     """
@@ -240,9 +239,9 @@ def trace_self_motion(
 def checked_step(step_rad: float) -> float:
     """A step along a curve, if it may be asked for."""
     step = positive_scalar(step_rad, "step_rad", RequestError)
-    if not LEAST_STEP_RAD <= step <= MOST_STEP_RAD:
-        allowed = f"{LEAST_STEP_RAD:g} .. {MOST_STEP_RAD:g}"
-        raise RequestError(f"step_rad must be in {allowed}, got {step:g}")
+    shortest, longest = ALLOWED_STEPS_RAD
+    if not shortest <= step <= longest:
+        raise RequestError(f"step_rad must be in {shortest:g} .. {longest:g}, got {step:g}")
     return step
 
 

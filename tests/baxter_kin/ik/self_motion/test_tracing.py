@@ -1,17 +1,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import FrozenInstanceError, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from attrs.exceptions import FrozenInstanceError
 from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, BaxterError
 from baxter_kin.errors import ConfigurationError, PoseError, RequestError
+from baxter_kin.fields import evolve
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.self_motion.continuation import EndKind
 from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
@@ -71,7 +72,7 @@ def hausdorff_rad(a: SelfMotion, b: SelfMotion) -> float:
 def with_limits(arm: Arm, robot: Baxter, q_min: FloatArray, q_max: FloatArray) -> Arm:
     """The same arm with other position limits, as far as its stops allow them."""
     low, high = np.maximum(q_min, arm.limits.q_min), np.minimum(q_max, arm.limits.q_max)
-    return robot.arm(arm.side).with_limits(replace(arm.limits, q_min=low, q_max=high))
+    return robot.arm(arm.side).with_limits(evolve(arm.limits, q_min=low, q_max=high))
 
 
 def singular_near(arm: Arm, q: FloatArray) -> FloatArray:
@@ -253,38 +254,54 @@ def test_configuration_outside_the_limits_is_refused_by_name(left: Arm) -> None:
         trace_self_motion(left, q)
 
 
-@pytest.mark.parametrize("q", [np.zeros(6), [math.nan] * 7, [math.inf] * 7, "q", None])
-def test_malformed_configuration_is_refused(left: Arm, q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q "):
-        trace_self_motion(left, q)
-
-
-@pytest.mark.parametrize("step_rad", [0.0, -0.02, math.nan, math.inf, "0.02", None, True, 1e-9, 1])
-def test_malformed_step_is_refused(left: Arm, step_rad: Any) -> None:
-    with pytest.raises(RequestError, match="step_rad must be"):
-        trace_self_motion(left, left.start, step_rad=step_rad)
-
-
-@pytest.mark.parametrize("towards", [np.zeros(7), np.ones(6), [math.nan] * 7])
-def test_malformed_direction_is_refused(left: Arm, towards: Any) -> None:
-    with pytest.raises(RequestError, match="towards"):
-        trace_self_motion(left, left.start, towards=towards)
-
-
-def test_malformed_pose_is_refused(left: Arm) -> None:
-    with pytest.raises(PoseError):
-        trace_self_motion(left, left.start, T_base_tip=np.eye(3))
+@pytest.mark.parametrize(
+    ("changes", "error"),
+    [
+        *(({"arm": arm}, RequestError) for arm in (None, 5, "left")),
+        *(({"q": q}, ConfigurationError) for q in (np.zeros(6), [math.nan] * 7, "q", None)),
+        *(({"step_rad": step}, RequestError) for step in (0.0, -0.02, math.nan, math.inf)),
+        *(({"step_rad": step}, RequestError) for step in ("0.02", None, True, 1e-9, 1)),
+        *(({"towards": t}, RequestError) for t in (np.zeros(7), np.ones(6), [math.nan] * 7)),
+        ({"T_base_tip": np.eye(3)}, PoseError),
+    ],
+    ids=str,
+)
+def test_invalid_arguments_are_refused(
+    left: Arm, changes: dict[str, Any], error: type[BaxterError]
+) -> None:
+    arguments = {"arm": left, "q": left.start} | changes
+    with pytest.raises(error):
+        trace_self_motion(**arguments)
 
 
 @pytest.mark.parametrize("s", [-0.1, 1e3, math.nan, "0", None])
 def test_length_beyond_the_ends_is_refused(left: Arm, s: Any) -> None:
-    with pytest.raises(BaxterError, match="s "):
+    with pytest.raises(RequestError):
         trace_self_motion(left, left.start).at(s)
 
 
 def test_nearest_refuses_a_malformed_configuration(left: Arm) -> None:
     with pytest.raises(ConfigurationError, match="q has shape"):
         trace_self_motion(left, left.start).nearest(np.zeros(6))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"arm": 5},
+        {"T_base_tip": np.eye(4)},
+        {"q": np.zeros((2, 6))},
+        {"s": np.zeros(3)},
+        {"q": np.zeros((0, 7)), "tangent": np.zeros((0, 7))},
+        {"manipulability": np.array([math.nan, 1.0])},
+        {"ends": ()},
+    ],
+    ids=str,
+)
+def test_an_inconsistent_curve_is_refused(left: Arm, changes: dict[str, Any]) -> None:
+    curve = trace_self_motion(left, left.start)
+    with pytest.raises(ConfigurationError):
+        evolve(curve, **changes)
 
 
 def test_curve_cannot_be_changed(left: Arm) -> None:
@@ -294,9 +311,3 @@ def test_curve_cannot_be_changed(left: Arm) -> None:
     for array in (curve.q, curve.s, curve.tangent, curve.manipulability, curve.limit_distance_rad):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
-
-
-@pytest.mark.parametrize("arm", [None, 5, "left"], ids=str)
-def test_what_is_no_arm_has_no_self_motion(arm: Any) -> None:
-    with pytest.raises(RequestError, match="arm must be of class Arm"):
-        trace_self_motion(arm, np.zeros(7))
