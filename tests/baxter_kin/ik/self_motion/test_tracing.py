@@ -269,7 +269,7 @@ def test_configuration_outside_the_limits_is_refused_by_name(left: Arm) -> None:
 def test_invalid_arguments_are_refused(
     left: Arm, changes: dict[str, Any], error: type[BaxterError]
 ) -> None:
-    arguments = {"arm": left, "q": left.start} | changes
+    arguments: dict[str, Any] = {"arm": left, "q": left.start} | changes
     with pytest.raises(error):
         trace_self_motion(**arguments)
 
