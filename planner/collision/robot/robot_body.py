@@ -44,7 +44,7 @@ from baxter_kin import Baxter
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, count, millimetres, shown_path
 from baxter_kin.errors import FileError
-from baxter_kin.fields import Frozen, FrozenMapping
+from baxter_kin.fields import Frozen, FrozenMapping, evolve
 from baxter_kin.files import open_to_read
 from baxter_kin.validation import Checked, finite_scalar
 from planner.errors import BodyFileError, SceneError
@@ -194,7 +194,7 @@ class RobotBody(Checked, Frozen, OneLine, error=SceneError):
 
 def identity_of(robot: Baxter, body: RobotBody) -> RobotIdentity:
     """Which robot it is, with the body that it is taken to be."""
-    return replace(robot.description.identity, body=body.digest)
+    return evolve(robot.description.identity, body=body.digest)
 
 
 @lru_cache(maxsize=8)

@@ -7,22 +7,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from baxter_kin.description import ElectricGripper
-from baxter_kin.description.calibration import (
-    MAX_APART_M,
-    MAX_TURNED_RAD,
-    as_baxter,
-    finger_joints,
-    hand_links,
-    origin_of,
-    with_unique_names,
-    without_hands,
-)
-from baxter_kin.description.urdf import JointKind, Urdf, UrdfJoint
+from baxter_kin.description.calibration import MAX_APART_M, MAX_TURNED_RAD, as_baxter
+from baxter_kin.description.hands import finger_joints
+from baxter_kin.description.urdf import Urdf
 from baxter_kin.errors import DescriptionError, UnknownNameError
 from tests.served_urdf import VARIANTS, served_urdf, variant
 
@@ -185,39 +175,6 @@ def test_a_link_with_the_name_of_a_moving_joint_is_found_as_a_tip() -> None:
     np.testing.assert_allclose(T_hand_eye.translation, [0.0, 0.0, 0.05], atol=1e-12)
 
 
-names = st.sampled_from(
-    [
-        "left_w2",
-        "left_w2_link",
-        "left_w2_joint",
-        "universe",
-        "cam",
-        "cam_link",
-        "cam_joint",
-        "torso",
-    ]
-)
-
-
-@settings(max_examples=50)
-@given(st.lists(st.tuples(names, names), max_size=6, unique_by=(lambda n: n[0], lambda n: n[1])))
-def test_names_of_what_is_mounted_never_matter(tree: Urdf, added: list[tuple[str, str]]) -> None:
-    """Each is mounted on the one before; Pinocchio finds every frame by its name alone."""
-    parent = "left_hand_link"
-    joints, taken = list(tree.joints), {tree.root, *tree.by_child, *tree.by_name}
-    for name, child in added:
-        if child not in tree.by_child and name not in tree.by_name:
-            joints.append(UrdfJoint(name, JointKind.FIXED, parent, child, xyz=(0.0, 0.0, 0.01)))
-            parent = child
-    unique = with_unique_names(Urdf(tree.root, tuple(joints)))
-    assert with_unique_names(unique) == unique
-    robot = Baxter.load(Urdf(tree.root, tuple(joints)).text)
-    frames = [str(frame.name) for frame in robot.model.frames]
-    assert len(set(frames)) == len(frames)
-    assert len(unique.joints) == len(joints)
-    assert taken <= {unique.root, *unique.by_child, *unique.by_name}
-
-
 def test_an_older_head_is_replaced_by_the_later_drawing_and_what_is_on_it_stays(
     drawn: Baxter,
 ) -> None:
@@ -332,15 +289,6 @@ def test_the_stock_robot_is_taken_as_it_is(tree: Urdf) -> None:
     assert as_baxter(tree, tree) == tree
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_without_its_gripper_the_tip_stays_where_it_was(tree: Urdf, side: str) -> None:
-    flange, tip = f"{side}_hand_link", f"{side}_gripper"
-    before, after = place(tree, flange, tip), place(without_hands(tree, (side,)), flange, tip)
-    rounding = 1e-15
-    assert np.abs(before.homogeneous - after.homogeneous).max() <= rounding
-    assert hand_links(without_hands(tree, (side,)), side) < hand_links(tree, side)
-
-
 def place(tree: Urdf, first: str, last: str) -> pin.SE3:
     """By Pinocchio's reading of the text, all joints at zero."""
     model = pin.buildModelFromXML(tree.text)
@@ -348,18 +296,3 @@ def place(tree: Urdf, first: str, last: str) -> pin.SE3:
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     T, T_last = (data.oMf[model.getFrameId(name, pin.FrameType.BODY)] for name in (first, last))
     return T.actInv(T_last)
-
-
-def test_on_a_flange_are_the_gripper_and_the_sensors_of_its_own_side(tree: Urdf) -> None:
-    links = hand_links(tree, "left")
-    assert {"l_gripper_l_finger", "l_gripper_r_finger_tip", "left_gripper"} <= links
-    assert not {"left_wrist", "left_hand_link", "r_gripper_l_finger", "base"} & links
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_an_origin_is_that_of_its_pose(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    T = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-    xyz, rpy = origin_of(T)
-    again = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-    assert np.abs(again.homogeneous - T.homogeneous).max() < 1e-14
