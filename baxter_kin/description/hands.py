@@ -65,6 +65,11 @@ MAX_TOOL_REACH_M = 2.0
 MAX_PARTS = 100
 """Largest number of shapes of a tool."""
 
+NONE = "none"
+"""The name of a bare flange on command lines."""
+
+_TOOL = re.compile(rf"({'|'.join(SIDES)})_tool_\d+{LINK_ENDING}", re.ASCII)
+
 
 @frozen(error=ConfigurationError, eq=True)
 class ElectricGripper:
@@ -185,9 +190,6 @@ DEFAULT_RIGHT = ElectricGripper()
 """On the right hand of the stock robot, as on its left. The URDF of example-robot-data has
 half-round tips there, at most 52.7 mm apart, between which the block of 5 cm does not fit."""
 
-NONE = "none"
-"""The name of a bare flange on command lines."""
-
 
 def hand_of(text: str) -> ElectricGripper | None:
     """The hand that a command line names: "none", or the words of `ElectricGripper.of`."""
@@ -226,9 +228,6 @@ def checked_hands(hands: object) -> Mapping[str, HandMount]:
 
 
 # Names in the tree
-
-
-_TOOL = re.compile(rf"({'|'.join(SIDES)})_tool_\d+{LINK_ENDING}", re.ASCII)
 
 
 def flange_of(side: str) -> str:

@@ -51,6 +51,15 @@ _SRDF = "robots/baxter_description/srdf/baxter_manipulation.srdf"
 
 _BYTE_ORDER_MARK = "\ufeff"
 
+SHOWN_M = 5e-8
+"""Smallest distance of two joints that is reported as a number."""
+
+_FOR_BAXTER_ONLY = "this toolkit is for Baxter only; "
+
+_ARM_JOINTS = frozenset(
+    f"{side}_{joint}" for side in SIDES for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+)
+
 
 @dataclass(frozen=True, slots=True)
 class StockFiles:
@@ -97,10 +106,6 @@ class StockFiles:
             if not path.is_file():
                 raise DescriptionError(f"the robot description lacks {path}; reinstall its package")
         return files
-
-
-SHOWN_M = 5e-8
-"""Smallest distance of two joints that is reported as a number."""
 
 
 @frozen(error=ConfigurationError, eq=True)
@@ -301,9 +306,6 @@ def _drawn_tree(files: StockFiles) -> Urdf:
         raise DescriptionError(f"{source} cannot be used: {cause}; reinstall its package") from None
 
 
-_FOR_BAXTER_ONLY = "this toolkit is for Baxter only; "
-
-
 def _is_like_baxter(text: str | bytes) -> bool:
     """Whether a URDF names most joints of Baxter's arms; also true of a text that is not XML."""
     try:
@@ -311,11 +313,6 @@ def _is_like_baxter(text: str | bytes) -> bool:
     except DescriptionError:
         return True
     return len(names.intersection(_ARM_JOINTS)) > len(_ARM_JOINTS) / 2
-
-
-_ARM_JOINTS = frozenset(
-    f"{side}_{joint}" for side in SIDES for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
-)
 
 
 @lru_cache(maxsize=16)

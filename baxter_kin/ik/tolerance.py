@@ -37,6 +37,18 @@ MAX_ROTATION_RAD = math.pi / 2
 
 _NOTHING = (0.0, 0.0, 0.0)
 
+ROLLS = 16
+"""Number of rotations about a free axis for which starts are computed."""
+
+LEAN = 0.9
+"""The lean of every second of these rotations, as a share of the cone. If none leans, 17 of 500
+poses that only a lean of 0.1 rad makes reachable are left to IPOPT; if all lean, 4 of 4,000 with a
+cone of 1.5 rad."""
+
+_DIRECTION_STEP = 5  # in steps of the rotation, so that the leans point in all directions
+
+_CYCLES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))  # cyclic orders of the axes with x, y or z last
+
 
 def _bounds(name: str) -> Callable[[ArrayLike], tuple[float, float, float]]:
     """The converter of a field of three bounds."""
@@ -209,19 +221,6 @@ def _three(values: ArrayLike, name: str) -> tuple[float, float, float]:
 
 EXACT = Tolerance()
 """Allows nothing: the pose is met in every respect."""
-
-
-ROLLS = 16
-"""Number of rotations about a free axis for which starts are computed."""
-
-LEAN = 0.9
-"""The lean of every second of these rotations, as a share of the cone. If none leans, 17 of 500
-poses that only a lean of 0.1 rad makes reachable are left to IPOPT; if all lean, 4 of 4,000 with a
-cone of 1.5 rad."""
-
-_DIRECTION_STEP = 5  # in steps of the rotation, so that the leans point in all directions
-
-_CYCLES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))  # cyclic orders of the axes with x, y or z last
 
 
 @dataclass(frozen=True)

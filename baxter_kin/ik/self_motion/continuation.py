@@ -49,6 +49,39 @@ _ROOT_WIDTH = 1e-14
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
+MAX_POINTS = 50_000
+"""In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
+
+CLOSURE_RAD = 1e-6
+"""How near a curve must pass its start to have closed: far below any two branches told apart."""
+
+_COINCIDENT_RAD = 1e-9
+"""Points closer than this are one."""
+
+_SIMULTANEOUS_RAD = 1e-11
+"""Joints that reach their limits within this length reach them together, up to rounding."""
+
+_MAX_BULGE = MAX_TURN_RAD / 2
+"""How far a joint may swing beyond both ends of a segment, as a share of the segment's length: a
+joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
+
+LONGER_ARC = 1.1
+"""Than its chord: more than that of an arc that turns by `MAX_TURN_RAD`."""
+
+LONGEST_STEP_RAD = 0.2
+"""Of the way round; where the curve bends, steps are shorter."""
+
+CUBIC_RAD = 1e-3
+"""How far a cubic may be from the curve at the very most, where it decides what to look at."""
+
+_NEAR_CROSSING = 1e-3
+"""Of a segment: how far the curve's crossing of a limit may be from the cubic's."""
+
+ON_LOOP_RAD, ALONG = 1e-3, 0.9
+"""How near to the cubics between its points a configuration of the pose lies on a loop, and the
+cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
+less than 1e-4."""
+
 
 def root(function: Callable[[float], float], lower: float, upper: float) -> float | None:
     """Where `function` changes from negative or zero to positive.
@@ -96,35 +129,6 @@ def least(
             inner = [inner[1], lower + _GOLDEN * (upper - lower)]
             values = [values[1], function(inner[1])]
     return min(zip(values, inner, strict=True))
-
-
-MAX_POINTS = 50_000
-"""In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
-
-CLOSURE_RAD = 1e-6
-"""How near a curve must pass its start to have closed: far below any two branches told apart."""
-
-_COINCIDENT_RAD = 1e-9
-"""Points closer than this are one."""
-
-_SIMULTANEOUS_RAD = 1e-11
-"""Joints that reach their limits within this length reach them together, up to rounding."""
-
-_MAX_BULGE = MAX_TURN_RAD / 2
-"""How far a joint may swing beyond both ends of a segment, as a share of the segment's length: a
-joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
-
-LONGER_ARC = 1.1
-"""Than its chord: more than that of an arc that turns by `MAX_TURN_RAD`."""
-
-LONGEST_STEP_RAD = 0.2
-"""Of the way round; where the curve bends, steps are shorter."""
-
-CUBIC_RAD = 1e-3
-"""How far a cubic may be from the curve at the very most, where it decides what to look at."""
-
-_NEAR_CROSSING = 1e-3
-"""Of a segment: how far the curve's crossing of a limit may be from the cubic's."""
 
 
 class EndKind(Enum):
@@ -365,12 +369,6 @@ def _closure_on(
         return None
     turns = np.round((found[0] - start.q) / (2.0 * math.pi))
     return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)
-
-
-ON_LOOP_RAD, ALONG = 1e-3, 0.9
-"""How near to the cubics between its points a configuration of the pose lies on a loop, and the
-cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
-less than 1e-4."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

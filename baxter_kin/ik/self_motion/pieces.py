@@ -68,6 +68,29 @@ Cut: TypeAlias = tuple[CurvePoint, CurveEnd]
 Cuts: TypeAlias = tuple[Cut | None, Cut | None]
 """Where a curve leaves the limits between two points, and where it enters them."""
 
+SAME_CURVE_RAD = 1e-4
+"""How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves
+them up to 100 times as far where the Jacobian is weak; pieces are much farther apart."""
+
+AT_LIMITS_RAD = 2e-3
+"""How near to a limit a candidate may be on a piece so short that it was not seen."""
+
+MARGIN_RAD = 0.01
+"""How far a curve bulges out of the box around its points, and more."""
+
+STARTS = 64
+"""Random seeds from which `solutions` gathers its candidates."""
+
+TURNS = 48
+"""Angles of s0 that are swept: 0.07 rad apart."""
+
+SLACK_RAD = 0.3
+"""How far outside the limits a swept configuration may be to have its loop followed."""
+
+MISFIT = 0.05
+"""By how much the sines and cosines of a swept configuration may have been clipped: Newton's method
+leads from there to loops that lie between two angles of s0."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
@@ -301,30 +324,6 @@ def _piece(points: CurvePoints, entry: Cut, exit_: Cut) -> Piece:
     """The piece of those points, closed off on both sides."""
     begun = with_last(points.reversed(), entry[0].reversed()).reversed()
     return Piece(with_last(begun, exit_[0]), (entry[1], exit_[1]))
-
-
-SAME_CURVE_RAD = 1e-4
-"""How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves
-them up to 100 times as far where the Jacobian is weak; pieces are much farther apart."""
-
-AT_LIMITS_RAD = 2e-3
-"""How near to a limit a candidate may be on a piece so short that it was not seen."""
-
-MARGIN_RAD = 0.01
-"""How far a curve bulges out of the box around its points, and more."""
-
-STARTS = 64
-"""Random seeds from which `solutions` gathers its candidates."""
-
-TURNS = 48
-"""Angles of s0 that are swept: 0.07 rad apart."""
-
-SLACK_RAD = 0.3
-"""How far outside the limits a swept configuration may be to have its loop followed."""
-
-MISFIT = 0.05
-"""By how much the sines and cosines of a swept configuration may have been clipped: Newton's method
-leads from there to loops that lie between two angles of s0."""
 
 
 def all_pieces(

@@ -32,6 +32,35 @@ from baxter_kin.ik.self_motion.curve_kernel import (
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 
+TOUCHING_RAD = 1e-11
+"""How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
+several limits at once."""
+
+POSE_MISMATCH = 1e-5
+"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
+the tolerance of the IK service."""
+
+_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
+"""Calls of three Newton steps each, and how far all of them may lead."""
+
+_REPEATS = 2
+"""More such calls for what is far from the curve, as closed forms of an arm as drawn are from that
+of a calibrated one."""
+
+_DIFFERENCE_RAD = 1e-4
+"""Step of the central difference of J: its error, the square, is far below `_FLAT`."""
+
+_FLAT = 1e-6
+"""Curvature, 1/rad, below which the quadratic form counts as zero."""
+
+_EXACT = 1e-13
+"""Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""
+
+_PROJECTIONS = 3
+
+_RIVALS = 4
+"""Segments that are looked at, those whose chords are nearest: curves pass each other closely."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvePoint:
@@ -135,28 +164,6 @@ def whole_turns_off(angles: FloatArray) -> FloatArray:
     """The same angles but for whole turns, in [-pi, pi]."""
     turns = np.round(angles / (2.0 * math.pi))
     return angles - 2.0 * math.pi * turns
-
-
-TOUCHING_RAD = 1e-11
-"""How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
-several limits at once."""
-
-POSE_MISMATCH = 1e-5
-"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
-the tolerance of the IK service."""
-
-_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
-"""Calls of three Newton steps each, and how far all of them may lead."""
-
-_REPEATS = 2
-"""More such calls for what is far from the curve, as closed forms of an arm as drawn are from that
-of a calibrated one."""
-
-_DIFFERENCE_RAD = 1e-4
-"""Step of the central difference of J: its error, the square, is far below `_FLAT`."""
-
-_FLAT = 1e-6
-"""Curvature, 1/rad, below which the quadratic form counts as zero."""
 
 
 class SolutionCurve:
@@ -390,16 +397,6 @@ def _nearest_direction(directions: list[FloatArray], towards: FloatArray | None)
         return first if first[np.argmax(np.abs(first))] > 0.0 else -first
     best = max(directions, key=lambda direction: abs(float(direction @ towards)))
     return best if best @ towards >= 0.0 else -best
-
-
-_EXACT = 1e-13
-"""Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""
-
-
-_PROJECTIONS = 3
-
-_RIVALS = 4
-"""Segments that are looked at, those whose chords are nearest: curves pass each other closely."""
 
 
 class Segment:

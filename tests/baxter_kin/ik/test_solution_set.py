@@ -209,7 +209,7 @@ def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
 
 
 def test_endless_candidates_are_refused(left: Arm) -> None:
-    with pytest.raises(RequestError, match=f"at most {MAX_CANDIDATES} candidates may come"):
+    with pytest.raises(RequestError, match=f"at most {MAX_CANDIDATES} candidates are allowed"):
         distinct_solutions(left, itertools.repeat(left.neutral))
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, BaxterError, Tolerance
+from baxter_kin import Arm, Baxter, Tolerance
 from baxter_kin.ik.reach.bound import PositionSweep, ReachBound, ReachProof, Shells
 from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M
@@ -484,26 +484,16 @@ def test_a_proof_reads_as_a_clause_with_numbers(bounds: dict[str, ReachBound]) -
         "255 mm beyond the 0.745 m that upper arm and forearm span from left_s1, "
         "with the wrist at (1.113, 0.3, 0.2) m"
     )
-    assert str(bounds["right"].proof_of_position((9.0, 0.0, 0.0))) == (
+    assert str(bounds["right"].proof_of_position(np.array([9.0, 0.0, 0.0]))) == (
         "7747 mm beyond the 1.133 m that the straight arm spans from right_s1, "
         "with the tip at (9, 0, 0) m"
     )
 
 
 def test_a_point_on_the_first_axis_is_judged_too(arm: Arm, bound: ReachBound) -> None:
-    x, y, z = Linkage.of(arm).T_base_first.translation
-    assert bound.proof_of_position((x, y, z + 0.5)) is None
-    assert bound.proof_of_position((x, y, z + 1.3)) is not None
-
-
-def test_refuses_what_is_not_finite_or_no_position(bound: ReachBound) -> None:
-    nowhere = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
-    with pytest.raises(BaxterError, match="finite"):
-        bound.proof(nowhere)
-    with pytest.raises(BaxterError, match="finite"):
-        bound.proof_of_position((0.0, np.inf, 0.0))
-    with pytest.raises(BaxterError, match="shape"):
-        bound.proof_of_position((0.0, 1.0))
+    p, up = Linkage.of(arm).T_base_first.translation, np.eye(3)[2]
+    assert bound.proof_of_position(p + 0.5 * up) is None
+    assert bound.proof_of_position(p + 1.3 * up) is not None
 
 
 def test_absurdly_far_poses_are_proved_in_few_words(bound: ReachBound) -> None:

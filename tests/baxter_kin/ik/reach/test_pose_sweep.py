@@ -100,7 +100,7 @@ def test_the_cell_of_a_configuration_survives_however_small(
                 cells = sweep._survivors(target, 0.0, cells, False, MAX_SURVIVORS)
                 assert cells.s0.size
                 cells = cells.split()
-            nearer += cells.apart.slack[1].min() < 0.1 * linkage.deviation.axis
+            nearer += cells.deviation.slack[1].min() < 0.1 * linkage.deviation.axis
     assert (nearer > 0) == (passes > 0)
 
 

@@ -51,7 +51,7 @@ known = st.tuples(angles, slacks)
 def test_a_difference_holds_the_differences_of_all_that_may_be(
     a: tuple[float, float], b: tuple[float, float], share_a: float, share_b: float
 ) -> None:
-    difference = UncertainAngle(*one(*a)).less(UncertainAngle(*one(*b)))
+    difference = UncertainAngle(*one(*a)).minus(UncertainAngle(*one(*b)))
     found = (a[0] + share_a * a[1]) - (b[0] + share_b * b[1])
     assert abs(found - difference.middle[0]) <= difference.slack[0] + ROUNDING
 
