@@ -13,9 +13,9 @@ from baxter_kin.ik.self_motion.continuation import (
     LONGEST_STEP_RAD,
     EndKind,
     filled,
-    least,
     loops_near,
     may_leave,
+    minimum,
     root,
     walk,
     walk_both_ways,
@@ -57,7 +57,7 @@ def test_no_change_from_negative_to_positive_is_no_root(lower: float, upper: flo
 
 @given(where=st.floats(0.0, 1.0))
 def test_least_value_is_found(where: float) -> None:
-    value, x = least(lambda x: math.fabs(x - where), 0.0, 1.0, 1e-9)
+    value, x = minimum(lambda x: math.fabs(x - where), 0.0, 1.0, 1e-9)
     assert x == pytest.approx(where, abs=1e-9)
     assert value == math.fabs(x - where)
 

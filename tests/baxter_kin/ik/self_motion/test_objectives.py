@@ -26,7 +26,7 @@ from tests.baxter_kin.ik.self_motion.test_pieces import WITH_TINY_PIECE
 from tests.baxter_kin.ik.self_motion.test_tracing import ALONE, CLOSED, singular_near
 
 LOCATED = 1e-9
-"""How far above the least cost an answer may be: costs of size 1, flat at their least."""
+"""How far above the lowest cost a result may be: costs of size 1, flat at their minimum."""
 
 
 def objectives(arm: Arm, seed: int) -> list[Objective]:
