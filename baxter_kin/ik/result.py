@@ -9,7 +9,7 @@ import attrs
 
 from baxter_kin.display import line, sentence, side_of
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.fields import field_names, frozen, mapping
+from baxter_kin.fields import field_names, frozen, mapping, with_read_only_arrays
 from baxter_kin.ik.seeds import SeedType
 from baxter_kin.validation import FloatArray
 
@@ -136,8 +136,12 @@ class IKResult:
         """The seed type in the words of the original demo."""
         return self.seed_type.label
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, tuple(getattr(self, name) for name in field_names(self))
+    def __getstate__(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, name) for name in field_names(self))
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        for set_field, value in zip(_SETTERS, state, strict=True):
+            set_field(self, with_read_only_arrays(value))
 
     def __repr__(self) -> str:
         facts = [side_of(self.joint_names)]
@@ -166,13 +170,6 @@ def checked_result(given: Any) -> Any:
         )
     given.q.setflags(write=False)
     return given
-
-
-def _restored(*values: Any) -> IKResult:
-    """A copy or an unpickled result; NumPy forgets that an array is read-only."""
-    result = IKResult(*values)
-    result.q.setflags(write=False)
-    return result
 
 
 _FAILURE_FIELDS = tuple(IKFailure.__annotations__)

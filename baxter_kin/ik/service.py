@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -20,7 +21,7 @@ from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search.batch import Batch, Solver, Solvers
+from baxter_kin.ik.search.batch import Batch, Solver
 from baxter_kin.ik.search.search_function import SEED_TOLERANCE_RAD
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
@@ -36,6 +37,9 @@ SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 
 BLOCK = 4096
 """Number of poses of a large batch that are solved at a time."""
+
+MAX_SOLVERS = 16
+"""Number of tolerances whose solvers are kept."""
 
 MAX_POSES = 10_000_000
 """Maximum size of a batch, whose results are all kept in memory; a stream has no limit."""
@@ -129,8 +133,9 @@ class IKService(OneLine):
         """
         self._wanted = Backend.of(backend)
         self.arm = expect(arm, Arm, "arm", RequestError)
-        self._solvers = Solvers(arm, self._wanted)
-        self.search = self._solvers.exact.search
+        self._exact = Solver(arm, self._wanted)
+        self._within = lru_cache(MAX_SOLVERS)(partial(Solver, arm, self._wanted))
+        self.search = self._exact.search
         self.backend = self.search.backend
 
     def __reduce__(self) -> tuple[type[IKService], tuple[Arm, Backend]]:
@@ -206,9 +211,9 @@ class IKService(OneLine):
         return self._answers(solver, Requests([T_base_tip], seeds, current, mode))[0]
 
     def _solver(self, tolerance: Tolerance | None) -> Solver:
-        if tolerance is None:
-            return self._solvers.exact
-        return self._solvers.within(expect(tolerance, Tolerance, "tolerance", RequestError))
+        if tolerance is None or expect(tolerance, Tolerance, "tolerance", RequestError) == EXACT:
+            return self._exact
+        return self._within(tolerance)
 
     def solve_batch(
         self,

@@ -52,9 +52,6 @@ SCATTERED_POLISH_ROUNDS, SCATTERED_POLISHED = 6, 64
 NEAR_M, NEAR_RAD = 0.02, 0.05
 """Attempts that end farther away are stuck in a local minimum, not slow."""
 
-MAX_SOLVERS = 16
-"""Number of tolerances whose solvers are kept; a new one replaces the oldest."""
-
 _SEED_TYPES = tuple(SeedType)
 
 
@@ -69,7 +66,7 @@ class Solver:
         explainer: finds the reason why there is no solution.
     """
 
-    def __init__(self, arm: Arm, backend: Backend, tolerance: Tolerance) -> None:
+    def __init__(self, arm: Arm, backend: Backend, tolerance: Tolerance = EXACT) -> None:
         self.arm, self._tolerance = arm, tolerance
         self.starts = NullSpaceMap(arm, tolerance)
         is_fast = backend is not Backend.IPOPT
@@ -147,31 +144,6 @@ class Solver:
         q = q.copy()
         q.setflags(write=False)
         return IKResult(self.arm.joint_names, q, seed_type, offset, angle)
-
-
-class Solvers:
-    """The solvers of one arm.
-
-    Attributes:
-        exact: the solver for poses met in every respect.
-    """
-
-    def __init__(self, arm: Arm, backend: Backend) -> None:
-        self._arm, self._backend = arm, backend
-        self._others: dict[Tolerance, Solver] = {}
-        self.exact = Solver(arm, backend, EXACT)
-
-    def within(self, tolerance: Tolerance) -> Solver:
-        """The solver for a tolerance."""
-        if tolerance == EXACT:
-            return self.exact
-        solver = self._others.get(tolerance)
-        if solver is None:
-            solver = Solver(self._arm, self._backend, tolerance)
-            for oldest in list(self._others)[: 1 - MAX_SOLVERS]:
-                self._others.pop(oldest, None)  # another thread may have removed it
-            self._others[tolerance] = solver
-        return solver
 
 
 class Batch:

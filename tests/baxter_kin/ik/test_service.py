@@ -200,6 +200,16 @@ def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKServi
     assert_solves(results[2], poses[2], robot, left)
 
 
+def test_solvers_of_tolerances_are_kept_in_bounded_memory(left: Arm) -> None:
+    service, T = IKService(left), left.T_base_tip(left.start)
+    for i in range(40):
+        tolerance = Tolerance.position_only(1e-3 * (1 + i))
+        assert service.solve(T, left.start, tolerance=tolerance).is_valid
+        assert service.solve(T, left.start, tolerance=tolerance).is_valid
+    kept = service._within.cache_info()
+    assert (kept.currsize, kept.hits) == (16, 40)
+
+
 def test_empty_batch_has_an_empty_answer(ik: IKService) -> None:
     assert ik.solve_batch([]) == []
 

@@ -7,36 +7,18 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, SeedMode, SeedType
 from baxter_kin.ik import Tolerance
-from baxter_kin.ik.search.batch import COARSE_ROUNDS, MAX_SOLVERS, Batch, Solvers
+from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch, Solver
 from baxter_kin.ik.search.ipopt import IpoptSearcher
 from baxter_kin.ik.search.searcher import Backend, Found, Searcher
+from baxter_kin.ik.tolerance import EXACT
 from tests.conftest import at, overhead
-
-
-def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
-    service, T = IKService(left), left.T_base_tip(left.start)
-    for i in range(40):
-        tolerance = Tolerance.position_only(1e-3 * (1 + i))
-        assert service.solve(T, left.start, tolerance=tolerance).is_valid
-    assert len(service._solvers._others) <= 16
-
-
-def test_the_solver_of_a_tolerance_is_made_once_and_the_oldest_is_forgotten(left: Arm) -> None:
-    solvers = Solvers(left, Backend.CASADI)
-    first = solvers.within(Tolerance.position_only(1e-3))
-    assert solvers.within(Tolerance.position_only(1e-3)) is first
-    assert solvers.within(Tolerance()) is solvers.exact
-    for i in range(MAX_SOLVERS):
-        last = solvers.within(Tolerance.position_only(1.0 + i))
-    assert solvers.within(Tolerance.position_only(float(MAX_SOLVERS))) is last
-    assert solvers.within(Tolerance.position_only(1e-3)) is not first
 
 
 def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(left: Arm) -> None:
     """Far out of reach, the one keeps the orientation, and the other is of the task."""
-    solvers, T = Solvers(left, Backend.CASADI), left.T_base_tip(left.start)
-    resorts = solvers.exact.last_resort, solvers.within(Tolerance.about("z")).last_resort
-    far = T.homogeneous
+    tolerances = EXACT, Tolerance.about("z")
+    resorts = [Solver(left, Backend.CASADI, tolerance).last_resort for tolerance in tolerances]
+    far = left.T_base_tip(left.start).homogeneous
     far[:3, 3] *= 3.0
     nearest, task = (search.search(left.start[None], far[None]) for search in resorts if search)
     assert nearest.orientation_error_rad[0] <= 1e-6
@@ -46,7 +28,7 @@ def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(lef
 
 
 def test_what_ipopt_does_not_solve_has_no_last_resort(left: Arm) -> None:
-    solver = Solvers(left, Backend.IPOPT).exact
+    solver = Solver(left, Backend.IPOPT)
     assert solver.fast is None
     assert isinstance(solver.search, IpoptSearcher)
     assert solver.last_resort is None
@@ -159,7 +141,7 @@ def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None
 
 def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> None:
     """Of poses that the setpoints do not solve, whichever round that start belongs to."""
-    solver, rng = Solvers(left, Backend.AUTO).exact, np.random.default_rng(34)
+    solver, rng = Solver(left, Backend.AUTO), np.random.default_rng(34)
     qs = np.array([left.random_configuration(rng) for _ in range(15_000)])
     qs = np.where(rng.random(qs.shape) < 0.3, left.limits.q_max, qs)  # few starts lead there
     Ts = left.T_base_tips(qs)
@@ -183,6 +165,6 @@ def are_close(found: Found) -> NDArray[np.bool_]:
 
 
 def test_a_batch_of_no_poses_has_no_results(left: Arm) -> None:
-    solver, batch = Solvers(left, Backend.AUTO).exact, Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
+    solver, batch = Solver(left, Backend.AUTO), Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
     batch.solve(solver)
     assert list(batch.results(solver)) == []

@@ -9,7 +9,7 @@ import pytest
 from baxter_kin import Arm, IKService, SeedMode, SeedType, pose_from_quaternion
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.reach.linkage import Linkage
-from baxter_kin.ik.search.batch import Solvers
+from baxter_kin.ik.search.batch import Solver
 from baxter_kin.ik.search.explanation import BestAttempt, Explainer
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.tolerance import EXACT, Tolerance
@@ -170,7 +170,7 @@ def test_errors_in_neutral_are_what_exceeds_the_tolerance(left: Arm, tolerance: 
 
 
 def explainer_of(arm: Arm, tolerance: Tolerance) -> Explainer:
-    return Solvers(arm, Backend.AUTO).within(tolerance).explainer
+    return Solver(arm, Backend.AUTO, tolerance).explainer
 
 
 def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) -> None:
