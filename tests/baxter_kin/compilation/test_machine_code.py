@@ -144,9 +144,7 @@ def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: 
                 np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
 
 
-def test_what_others_will_need_is_compiled_as_well_but_once(
-    cache: Path, square: ca.Function
-) -> None:
+def test_further_kernels_are_compiled_once(cache: Path, square: ca.Function) -> None:
     cube, asked = function_of(lambda x: x * x * x), []
 
     def alongside() -> list[list[ca.Function]]:
@@ -242,7 +240,7 @@ def test_a_cache_that_can_only_be_read_is_read(
     assert value(compiled([square])) == [9.0, 16.0, 7.0]
 
 
-def test_without_a_compiler_there_is_none(
+def test_without_a_compiler_the_result_is_none(
     empty_cache: Path, square: ca.Function, provide: Provide
 ) -> None:
     provide()
@@ -270,7 +268,7 @@ def some_library(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=["fails", "nothing", "rubbish", "folder", "truncated", "another library"],
 )
-def test_what_a_broken_compiler_makes_is_neither_loaded_nor_kept(
+def test_output_of_a_broken_compiler_is_neither_loaded_nor_kept(
     empty_cache: Path,
     square: ca.Function,
     provide: Provide,
@@ -300,7 +298,7 @@ def test_a_script_that_the_system_cannot_run_does_not_hide_a_working_one(
     assert value(compiled([square])) == [9.0, 16.0, 7.0]
 
 
-def test_a_broken_compiler_is_asked_once(
+def test_broken_compiler_is_tried_once(
     empty_cache: Path, square: ca.Function, provide: Provide, tmp_path: Path
 ) -> None:
     provide(cc=counting(tmp_path / "calls", FAILS))
@@ -309,7 +307,7 @@ def test_a_broken_compiler_is_asked_once(
     assert count(tmp_path / "calls") == 1
 
 
-def test_what_one_compiler_made_is_found_whichever_there_is(
+def test_kept_libraries_do_not_depend_on_the_compiler(
     cache: Path, square: ca.Function, provide: Provide
 ) -> None:
     compiled([square])
@@ -359,7 +357,7 @@ def test_two_names_of_a_compiler_that_hangs_cost_its_time_once(
 
 
 @pytest.mark.usefixtures("short_answer", "cache")
-def test_a_compiler_that_hung_is_asked_again_when_it_has_changed(
+def test_hanging_compiler_is_tried_again_after_a_change(
     square: ca.Function, provide: Provide, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     works = working()
@@ -405,7 +403,7 @@ def _dump(function: ca.Function) -> str:
     return str(generator.dump())
 
 
-def test_compiling_is_told_and_loading_is_not(
+def test_compiling_is_logged_and_loading_is_not(
     cache: Path, square: ca.Function, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.INFO):

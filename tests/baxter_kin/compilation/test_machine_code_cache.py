@@ -87,7 +87,7 @@ def test_the_users_folder_is_made_for_the_user_alone(cache: KernelCache, tmp_pat
     assert cache.folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_what_others_may_write_to_is_not_used_and_told_once(
+def test_writable_folder_is_reported_once(
     cache: KernelCache, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache.folder.chmod(0o777)
@@ -136,7 +136,7 @@ def test_root_makes_no_folder_in_the_home_of_a_user(
 
 
 @pytest.mark.parametrize("what", ["link", "dangling link", "file", "below a file"])
-def test_what_is_no_folder_is_not_used(
+def test_other_files_are_not_used_as_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -190,14 +190,14 @@ def test_a_private_folder_that_was_tidied_away_is_made_again(
     assert private.folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_what_is_kept_is_found(cache: KernelCache) -> None:
+def test_kept_libraries_are_found(cache: KernelCache) -> None:
     library = keep(cache, "key")
     assert cache.library("key") == library
     assert library.read_bytes() == b"content"
     assert cache.library("other") is None
 
 
-def test_what_is_kept_takes_the_place_of_what_was_there(cache: KernelCache) -> None:
+def test_kept_library_replaces_the_one_before(cache: KernelCache) -> None:
     keep(cache, "key", b"old")
     assert keep(cache, "key", b"new").read_bytes() == b"new"
     assert cache.library("key") is not None
@@ -233,7 +233,7 @@ def test_no_more_notes_than_libraries_are_kept(cache: KernelCache) -> None:
     assert len(list(cache.folder.glob("*.note"))) < MAX_LIBRARIES
 
 
-def test_what_a_killed_process_left_is_removed_after_a_day(cache: KernelCache) -> None:
+def test_abandoned_builds_are_removed_after_a_day(cache: KernelCache) -> None:
     old, recent = cache.folder / "build-old", cache.folder / "build-recent"
     for folder in old, recent:
         folder.mkdir()

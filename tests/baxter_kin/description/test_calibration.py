@@ -84,7 +84,7 @@ def test_a_joint_of_no_baxter_is_named(joint: str, pattern: str, by: str, reason
         (b"", "no XML"),
     ],
 )
-def test_what_is_no_baxter_is_refused(text: str | bytes, reason: str) -> None:
+def test_texts_of_other_robots_are_refused(text: str | bytes, reason: str) -> None:
     with pytest.raises(DescriptionError, match=reason):
         Baxter.load(text)
 
@@ -98,7 +98,7 @@ def test_a_joint_that_baxter_lacks_is_named() -> None:
         Baxter.load(served().replace("</robot>", stool))
 
 
-def test_a_joint_that_moves_on_a_hand_is_refused_with_what_to_say_instead() -> None:
+def test_movable_joint_on_a_hand_is_refused_with_advice() -> None:
     jaw = (
         '<link name="jaw"/><joint name="knuckle" type="revolute"><parent link="left_hand"/>'
         '<child link="jaw"/><limit upper="1" velocity="1"/></joint></robot>'
@@ -109,7 +109,7 @@ def test_a_joint_that_moves_on_a_hand_is_refused_with_what_to_say_instead() -> N
     assert Baxter.load(text, hands={"left": None}).joint_names
 
 
-def test_fingers_of_another_length_are_refused_with_what_to_say_instead(robot: Baxter) -> None:
+def test_fingers_of_another_length_are_refused_with_advice(robot: Baxter) -> None:
     """Rethink's standard fingers are 37.7 mm shorter, and there is no body of them."""
     text = changed(served(), "r_gripper_r_finger_tip_joint", "0.1127", "0.075")
     with pytest.raises(DescriptionError, match=r"lies 37\.7 mm .* by hands={'right': ...}") as no:
@@ -175,7 +175,7 @@ def test_a_link_with_the_name_of_a_moving_joint_is_found_as_a_tip() -> None:
     np.testing.assert_allclose(T_hand_eye.translation, [0.0, 0.0, 0.05], atol=1e-12)
 
 
-def test_an_older_head_is_replaced_by_the_later_drawing_and_what_is_on_it_stays(
+def test_older_head_is_replaced_and_parts_on_it_stay(
     drawn: Baxter,
 ) -> None:
     own = Baxter.load(variant("older_head"))
@@ -194,7 +194,7 @@ def test_a_head_far_from_where_it_is_drawn_is_refused() -> None:
         Baxter.load(text)
 
 
-def test_a_calibrated_head_stays_as_it_is_stated() -> None:
+def test_calibrated_head_is_kept() -> None:
     text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.065 0 0.686"')
     robot = Baxter.load(text)
     assert place(robot.description.tree, "base", "head").translation[0] == 0.065
@@ -210,7 +210,7 @@ def test_a_gripper_on_a_base_of_the_robot_has_its_own_base_where_it_is(drawn: Ba
     assert place(own, "left_hand_link", "left_gripper_base").isIdentity(1e-12)
 
 
-def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
+def test_limits_are_read_from_the_text_and_wider_ones_are_noted(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     wider = Baxter.load(variant("older_limits"))
@@ -224,7 +224,7 @@ def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
     assert narrower.description.notes == ()
 
 
-def test_bounds_are_wide_of_what_calibration_does() -> None:
+def test_bounds_exceed_calibrations() -> None:
     for seed in range(5):
         text = served(seed, apart_m=0.7 * MAX_APART_M, turned_rad=0.45 * MAX_TURNED_RAD)
         assert Baxter.load(text).arm("left").limits.names[0] == "left_s0"
@@ -285,7 +285,7 @@ def test_frames_have_both_names(name: str) -> None:
     assert arm.tip_frame.removesuffix("_link") == name.removesuffix("_link")
 
 
-def test_the_stock_robot_is_taken_as_it_is(tree: Urdf) -> None:
+def test_stock_robot_is_unchanged(tree: Urdf) -> None:
     assert as_baxter(tree, tree) == tree
 
 

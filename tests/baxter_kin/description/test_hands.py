@@ -41,14 +41,14 @@ def test_every_hand_has_a_digest_of_its_own_and_the_rest_stays() -> None:
     assert len({robot.description.identity.kinematics for robot in robots}) == 1
 
 
-def test_the_difference_of_two_slots_is_said_in_millimetres() -> None:
+def test_difference_of_two_slots_is_stated_in_millimetres() -> None:
     first, second = (Baxter.load(hands={"left": ElectricGripper(slot=s)}) for s in (2, 3))
     said = first.description.identity.difference(second.description.identity)
     assert re.fullmatch(r"joint l_gripper_[lr]_finger_joint lies 9\.5 mm elsewhere", said)
 
 
 @pytest.mark.parametrize("mount", [None, *MOUNTS[::3], Tool((BALL,), at(0, 0, 0.1))], ids=str)
-def test_the_text_says_it_all(mount: Any) -> None:
+def test_text_determines_the_robot(mount: Any) -> None:
     robot = Baxter.load(hands={"left": mount})
     assert Baxter.load(robot.description.text).digest == robot.digest
 
@@ -60,7 +60,7 @@ def test_its_words_are_read_again(mount: ElectricGripper) -> None:
     assert len(repr(mount)) <= 120
 
 
-def test_what_the_words_leave_out_is_as_by_default() -> None:
+def test_missing_words_mean_defaults() -> None:
     assert hand_of("wide") == ElectricGripper("wide")
     assert hand_of("half_round-4") == ElectricGripper(slot=4, tips="half_round")
     assert hand_of("none") is None
@@ -101,7 +101,7 @@ def test_invalid_hands_are_refused(
         make(**(defaults | arguments))
 
 
-def test_a_tool_in_millimetres_is_asked_about() -> None:
+def test_tool_in_millimetres_gets_a_hint() -> None:
     with pytest.raises(ConfigurationError, match="are these millimetres"):
         Tool((BALL,), at(0, 0, 150.0))
 
@@ -151,7 +151,7 @@ def test_fingers_are_where_rethinks_xacro_puts_them(mount: ElectricGripper, side
     np.testing.assert_allclose(tip, [0.0, 0.0, 0.025 + 0.1327], atol=1e-12)
 
 
-def test_a_robots_own_hands_stay_where_no_other_are_named() -> None:
+def test_hands_of_the_urdf_stay_unless_others_are_named() -> None:
     other = STOCK_TEXT.replace("paddle_tip.DAE", "half_round_tip.DAE")
     half_round = ElectricGripper(tips="half_round")
     assert Baxter.load(other).digest == Baxter.load(hands=both(half_round)).digest

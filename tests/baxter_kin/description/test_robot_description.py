@@ -72,7 +72,7 @@ def test_stock_robot_is_that_of_the_file(robot: Baxter) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("without", [(), ("left",), ("left", "right")])
-def test_kinematics_are_those_that_pinocchio_reads(seed: int, without: tuple[str, ...]) -> None:
+def test_kinematics_agree_with_pinocchio(seed: int, without: tuple[str, ...]) -> None:
     """From the untouched text; bit by bit, since every number is kept."""
     text = served(seed, without_grippers=without, limit_change=0.01, shuffled=True)
     own, untouched = Baxter.load(text).model, pin.buildModelFromXML(text)
@@ -83,7 +83,7 @@ def test_kinematics_are_those_that_pinocchio_reads(seed: int, without: tuple[str
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_arms_of_a_calibrated_robot_end_where_pinocchio_says(side: str) -> None:
+def test_tips_of_a_calibrated_robot_agree_with_pinocchio(side: str) -> None:
     text = served(11)
     robot, untouched = Baxter.load(text), pin.buildModelFromXML(text)
     arm, data, rng = robot.arm(side), untouched.createData(), np.random.default_rng(0)
@@ -152,7 +152,7 @@ def test_meshes_are_never_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("given", [5, dict, ["x"], np.zeros(3)])
-def test_what_names_no_urdf_is_refused(given: Any) -> None:
+def test_other_classes_than_path_and_text_are_refused(given: Any) -> None:
     with pytest.raises(DescriptionError, match="given by its path, or as text or bytes"):
         Baxter.load(given)
 
@@ -211,7 +211,7 @@ def test_a_moved_joint_is_named_with_its_distance(tree: Urdf) -> None:
         ("left_endpoint", {"xyz": (0.0, 0.0, 0.2)}, "its hands differ"),
     ],
 )
-def test_what_differs_is_said(
+def test_differences_are_stated(
     tree: Urdf, name: str, changes: dict[str, object], difference: str
 ) -> None:
     own, other = RobotIdentity.of(tree), with_joint(tree, name, **changes)
@@ -241,7 +241,7 @@ def test_a_mount_that_lies_elsewhere_is_named_with_its_distance(tree: Urdf) -> N
     assert own.difference(drawn) == "joint left_torso_arm_mount lies 11 mm elsewhere"
 
 
-def test_a_missing_hand_is_said(robot: Baxter) -> None:
+def test_missing_hand_is_reported(robot: Baxter) -> None:
     bare = Baxter.load(served(without_grippers=["right"])).description.identity
     found = robot.description.identity.difference(bare)
     assert found == "only one of the two has the joint r_gripper_l_finger_joint"

@@ -23,7 +23,7 @@ from baxter_kin.description.urdf_reading import (
 from baxter_kin.errors import DescriptionError
 
 
-def test_elements_and_attributes_come_in_order() -> None:
+def test_elements_and_attributes_keep_their_order() -> None:
     root = read_xml("<a x='1'><b/>words<c y='2'/><b z='3'/></a>")
     assert (root.name, root.attributes) == ("a", {"x": "1"})
     assert [child.name for child in root.children] == ["b", "c", "b"]
@@ -38,12 +38,12 @@ def test_text_is_kept_up_to_the_first_child() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
-def test_bytes_are_read_as_their_first_line_says(encoding: str) -> None:
+def test_bytes_are_decoded_as_their_first_line_states(encoding: str) -> None:
     text = f"<?xml version='1.0' encoding='{encoding}'?><a x='\xe9'/>"
     assert read_xml(text.encode(encoding)).attributes == {"x": "\xe9"}
 
 
-def test_text_is_text_whatever_its_first_line_says() -> None:
+def test_encoding_in_the_first_line_of_a_str_is_ignored() -> None:
     assert (
         read_xml("<?xml version='1.0' encoding='latin-1'?><a x='\xe9'/>").attributes["x"] == "\xe9"
     )
@@ -116,7 +116,7 @@ def read(joint: str) -> UrdfJoint:
     return found
 
 
-def test_what_is_not_said_is_as_urdf_has_it() -> None:
+def test_defaults_are_those_of_urdf() -> None:
     found = read(joint_of("<limit velocity='1'/>".replace("/>", " upper='1'/>")))
     assert (found.xyz, found.rpy, found.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
     assert found.range == JointRange(0.0, 1.0, 1.0, 0.0)
@@ -134,7 +134,7 @@ def test_a_long_axis_is_made_a_unit_one() -> None:
     assert read(joint_of(f"<axis xyz='0 3 4'/>{LIMIT}")).axis == (0.0, 0.6, 0.8)
 
 
-def test_what_else_a_text_says_is_passed_over() -> None:
+def test_other_elements_are_ignored() -> None:
     visual = "<visual><geometry><mesh filename='package://nowhere/x.DAE'/></geometry></visual>"
     links = f"<link name='base'>{visual}</link><link name='arm'><inertial/></link>"
     more = "<gazebo><plugin/></gazebo><transmission><joint name='j'/></transmission><material/>"
@@ -210,7 +210,7 @@ def test_a_text_that_is_written_reads_back_the_same(
         ),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_a_sentence(text: str, reason: str | None) -> None:
+def test_invalid_texts_are_refused_in_a_sentence(text: str, reason: str | None) -> None:
     with pytest.raises(DescriptionError, match=reason) as refused:
         read_urdf(text, "base")
     assert str(refused.value).startswith(("it ", "its "))

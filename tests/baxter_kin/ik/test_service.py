@@ -59,7 +59,9 @@ def test_seed_may_be_given_by_joint_name(left: Arm, ik: IKService) -> None:
     np.testing.assert_array_equal(by_name.q, ik.solve(T, seed=left.start).q)
 
 
-def test_a_batch_without_a_length_is_told_of_the_stream(ik: IKService, left: Arm) -> None:
+def test_batch_of_unknown_length_is_refused_with_a_hint_at_the_stream(
+    ik: IKService, left: Arm
+) -> None:
     endless = itertools.repeat(left.T_base_tip(left.neutral))
     with pytest.raises(RequestError, match="solve_stream takes any iterable"):
         ik.solve_batch(endless)  # type: ignore[arg-type]
@@ -100,7 +102,7 @@ def test_blocks_hold_every_pose_and_its_seed_once_and_in_order(left: Arm) -> Non
     assert {block.mode for block in blocks} == {SeedMode.AUTO}
 
 
-def test_a_table_of_seeds_has_no_number_where_there_is_no_seed(left: Arm) -> None:
+def test_table_of_seeds_has_nan_for_a_missing_seed(left: Arm) -> None:
     seeds = [left.start, None, left.joints(left.neutral)]
     table = Requests([None] * 3, seeds, left.start, SeedMode.AUTO).seed_table(left)
     np.testing.assert_array_equal(table[SeedType.USER][[0, 2]], [left.start, left.neutral])
@@ -258,7 +260,7 @@ def test_an_endless_stream_is_read_in_blocks(ik: IKService, left: Arm) -> None:
 
 
 @pytest.mark.parametrize("backend", ["auto", "casadi"])
-def test_a_calibrated_arm_is_solved_as_it_is(any_arm: Arm, backend: str) -> None:
+def test_poses_of_a_calibrated_arm_are_solved(any_arm: Arm, backend: str) -> None:
     ik, rng = IKService(any_arm, backend), np.random.default_rng(31)
     qs = [any_arm.random_configuration(rng) for _ in range(200)]
     Ts = [any_arm.T_base_tip(q) for q in qs]
@@ -272,7 +274,7 @@ def test_a_calibrated_arm_is_solved_as_it_is(any_arm: Arm, backend: str) -> None
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_tasks_of_a_calibrated_arm_are_solved_as_it_is(any_arm: Arm, axis: str) -> None:
+def test_tasks_of_a_calibrated_arm_are_solved(any_arm: Arm, axis: str) -> None:
     """Its last axis is not the tip's z, so that no roll is free in the joints alone."""
     tool = any_arm.with_tip(pin.SE3(pin.exp3(np.array([0.1, 0.4, 0.2])), np.array([0.01, 0, 0.1])))
     tolerance, rng = Tolerance.about(axis), np.random.default_rng(32)

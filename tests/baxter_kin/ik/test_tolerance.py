@@ -38,9 +38,7 @@ def test_without_tolerance_the_excess_is_distance_and_angle(
 
 
 @given(st.lists(small, min_size=6, max_size=6), st.lists(small, min_size=6, max_size=6))
-def test_what_is_inside_has_no_excess_and_what_is_outside_has_the_rest(
-    where: list[float], by: list[float]
-) -> None:
+def test_excess_is_zero_inside_and_the_rest_outside(where: list[float], by: list[float]) -> None:
     T, bounds = pin.exp6(np.array(where)), 0.2
     tolerance = Tolerance((bounds,) * 3, (bounds,) * 3)
     excess = tolerance.excess(T, deviated(T, by[:3], by[3:]))
@@ -128,7 +126,7 @@ def test_about_is_a_cone_that_ends_at_five_degrees_where_the_box_goes_on_to_seve
 
 
 @given(widths=st.tuples(bounds, bounds, bounds), roll=angles)
-def test_nothing_within_a_tolerance_turns_more_than_it_says(
+def test_rotations_within_a_tolerance_keep_its_bound(
     widths: tuple[float, float, float], roll: float
 ) -> None:
     """At the corners, where rotation or lean is greatest."""
@@ -216,14 +214,14 @@ def test_invalid_arguments_are_refused(
         make(**arguments)
 
 
-def test_equal_tolerances_are_equal_whatever_they_were_made_of() -> None:
+def test_tolerances_compare_by_value() -> None:
     made_of_lists: Any = [0.0, 0.0, 0.1], np.zeros(3)
     assert Tolerance(*made_of_lists) == Tolerance((0.0, 0.0, 0.1))
     assert hash(Tolerance(*made_of_lists)) == hash(Tolerance((0.0, 0.0, 0.1)))
 
 
 @pytest.mark.parametrize("bounds", [{"rotation_rad": (5.0, 5.0, 5.0)}, {"tilt_rad": 5.0}])
-def test_bounds_in_degrees_are_asked_about(bounds: dict[str, Any]) -> None:
+def test_bounds_in_degrees_get_a_hint(bounds: dict[str, Any]) -> None:
     with pytest.raises(RequestError, match=r"are these degrees\? .* 5 deg is 0.08727 rad"):
         Tolerance(**bounds)
 
@@ -291,7 +289,7 @@ def test_bounds_above_zero_are_kept_exactly(left: Arm, ik: IKService) -> None:
         assert tolerance.excess(T, left.T_base_tip(result.q)) == (0.0, 0.0)
 
 
-def test_poses_out_of_reach_become_solvable_by_what_is_free(left: Arm, ik: IKService) -> None:
+def test_poses_out_of_reach_become_solvable_with_free_coordinates(left: Arm, ik: IKService) -> None:
     T = at(0.6, 0.3, 0.2)
     backwards = pin.SE3(pin.exp3(np.array([0.0, -np.pi / 2, 0.0])), T.translation)
     assert not ik.solve(backwards).is_valid
@@ -373,9 +371,7 @@ def test_ipopt_leans_where_the_fast_search_does(left: Arm, ik: IKService) -> Non
         assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= 0.4 + WITHIN
 
 
-def test_about_is_the_cone_that_it_was_believed_to_be_while_five_degrees_gave_seven(
-    left: Arm, ik: IKService
-) -> None:
+def test_about_is_a_cone_and_not_a_box(left: Arm, ik: IKService) -> None:
     five, poses = np.radians(5.0), aslant(left, np.radians(7.0))[:200]
     cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
     leans = {}
@@ -455,7 +451,7 @@ def test_no_lean_is_proven_away_at_the_edge_of_the_reach(tipped: Arm, axis: str)
     assert not any(reach.proof(T) for T in asked)
 
 
-def test_what_leans_a_little_is_proven_out_of_reach_by_its_wrist(left: Arm, ik: IKService) -> None:
+def test_leaning_poses_are_proven_out_of_reach_by_the_wrist(left: Arm, ik: IKService) -> None:
     T, bound = at(1.0, 0.3, -0.1), ReachBound(left)
     assert bound.proof_of_position(T.translation) is None
     five, ten = (
@@ -479,7 +475,7 @@ def test_poses_far_out_of_reach_are_proven_so(tipped: Arm, service: IKService, n
     assert what in str(result.failure)
 
 
-def test_another_tip_is_where_it_was_asked_to_be(tipped: Arm, service: IKService) -> None:
+def test_another_tip_reaches_its_pose(tipped: Arm, service: IKService) -> None:
     q_seed = np.array(tipped.start) + 0.02
     T = tipped.T_base_tip(tipped.start)
     result = service.solve(T, current=q_seed)
@@ -496,7 +492,7 @@ def test_an_objective_with_a_tolerance_is_refused(left: Arm, ik: IKService) -> N
         )
 
 
-def test_what_is_no_tolerance_is_refused(left: Arm, ik: IKService) -> None:
+def test_other_classes_than_tolerance_are_refused(left: Arm, ik: IKService) -> None:
     tolerance: object = 0.1
     with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
         ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]

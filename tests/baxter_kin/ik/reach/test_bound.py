@@ -71,7 +71,7 @@ def test_no_tip_of_the_arm_has_an_excess(
 
 
 @given(points, points)
-def test_it_changes_by_no_more_than_the_point_moves(
+def test_bound_changes_by_at_most_the_motion_of_the_point(
     sweep: PositionSweep, one: FloatArray, other: FloatArray
 ) -> None:
     change = abs(sweep.excess_m(one) - sweep.excess_m(other))
@@ -104,7 +104,7 @@ def distances(linkage: Linkage, point: FloatArray) -> FloatArray:
     return away
 
 
-def test_excesses_are_what_dense_sampling_of_the_first_joint_finds(
+def test_excesses_agree_with_dense_sampling_of_the_first_joint(
     linkage: Linkage, shells: Shells
 ) -> None:
     points = np.random.default_rng(1).uniform(-1.2, 1.2, (100, 3))
@@ -133,7 +133,7 @@ def test_no_wrist_and_no_tip_of_the_arm_has_an_excess(
     assert max(map(shells.elbow_excess_m, tips)) <= 0.0
 
 
-def test_the_elbow_leaves_out_what_the_straight_arm_does_not(shells: Shells) -> None:
+def test_the_elbow_excludes_more_than_the_straight_arm(shells: Shells) -> None:
     """Straight down, which s1 does not allow."""
     point = np.array([0.0, 0.0, 0.01 - shells.radius_m])
     assert shells.tip_excess_m(point) <= 0.0 < shells.elbow_excess_m(point)
@@ -180,7 +180,7 @@ def test_a_proof_of_a_position_names_the_tip(bound: str) -> None:
 
 
 @given(st.floats(1e-6, 1e4))
-def test_the_words_claim_no_more_than_the_proof_and_little_less(excess_m: float) -> None:
+def test_lengths_are_rounded_down_in_texts(excess_m: float) -> None:
     number, unit = str(proof_of(excess_m)).split()[:2]
     said_m = float(number) * {"m": 1.0, "mm": 1e-3}[unit]
     digits = 1e-9 if excess_m < 10.0 else 5e-6 * excess_m  # six, of metres
@@ -188,7 +188,7 @@ def test_the_words_claim_no_more_than_the_proof_and_little_less(excess_m: float)
 
 
 @given(st.floats(1e-6, 1.0), st.floats(0.0, 1.0))
-def test_what_can_be_made_up_is_taken_off(excess_m: float, leeway_m: float) -> None:
+def test_leeway_is_subtracted(excess_m: float, leeway_m: float) -> None:
     left = proof_of(excess_m).less(leeway_m)
     assert (left is None) == (excess_m <= leeway_m)
     if left is not None:
@@ -196,7 +196,7 @@ def test_what_can_be_made_up_is_taken_off(excess_m: float, leeway_m: float) -> N
         assert left.bound == "span"
 
 
-def test_what_can_be_made_up_is_said_and_rounded_up() -> None:
+def test_leeway_is_rounded_up_in_texts() -> None:
     proof = proof_of(0.1)
     assert str(proof.less(0.0121)) == f"{proof}, and no more than 13 mm can be made up"
     assert proof.less(0.0) == proof
@@ -271,7 +271,7 @@ def test_no_pose_that_a_calibrated_arm_reaches_has_a_proof(any_arm: Arm) -> None
         assert bound.proof_of_position(T.translation) is None
 
 
-def test_proofs_of_many_are_those_of_each(any_arm: Arm) -> None:
+def test_proofs_of_many_agree_with_single_ones(any_arm: Arm) -> None:
     bound, rng = ReachBound(any_arm), np.random.default_rng(8)
     poses = [
         any_arm.T_base_tip(any_arm.random_configuration(rng))
@@ -293,7 +293,7 @@ def test_proofs_of_many_are_those_of_each(any_arm: Arm) -> None:
         ((-1.182, 0.67, 2.86, 1.064, -0.017, 2.094, -2.744), 0.03),
     ],
 )
-def test_limits_of_all_joints_together_prove_what_no_other_bound_does(
+def test_limits_of_all_joints_prove_more_than_other_bounds(
     left: Arm, q: tuple[float, ...], away: float
 ) -> None:
     """Pushed about in all directions, some poses next to these have only that proof."""
@@ -423,7 +423,7 @@ def test_a_rotation_about_the_tool_axis_changes_nothing(arm: Arm, bound: ReachBo
         assert _excess_m(bound, rolled) == pytest.approx(_excess_m(bound, far), abs=1e-9)
 
 
-def test_what_is_outside_the_shells_at_a_glance_is_what_they_prove(
+def test_quick_test_agrees_with_the_proofs_by_shells(
     arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
 ) -> None:
     rng = np.random.default_rng(14)

@@ -28,7 +28,7 @@ def test_wrist_and_last_axis_are_where_pinocchio_has_them_but_for_the_deviation(
     assert slack.tip_m == pytest.approx(slack.wrist_m + linkage.hand_m * slack.axis)
 
 
-def test_an_arm_as_drawn_deviates_by_what_its_urdf_rounds(arm: Arm) -> None:
+def test_arm_as_drawn_deviates_by_rounding_in_the_urdf(arm: Arm) -> None:
     assert Linkage.of(arm).deviation.tip_m < 1e-10
 
 

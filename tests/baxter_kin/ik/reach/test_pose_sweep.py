@@ -32,9 +32,7 @@ def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
     assert not any(sweep.excludes(T, 0.0) for T in reached(any_arm, 40, 3))
 
 
-def test_nothing_within_the_radius_of_what_is_reached_is_excluded(
-    left: Arm, sweep: PoseSweep
-) -> None:
+def test_targets_near_reachable_ones_are_not_excluded(left: Arm, sweep: PoseSweep) -> None:
     assert not any(sweep.excludes(T, 0.02) for T in pushed(reached(left, 40, 4), 0.02, 5))
 
 
@@ -50,7 +48,7 @@ def test_a_proof_holds_for_every_smaller_radius_and_with_more_cells(
         assert other >= max(one, least)
 
 
-def test_it_proves_what_the_sweep_over_the_shoulder_does_not(
+def test_it_proves_more_than_the_sweep_over_the_shoulder(
     left: Arm, sweep: PoseSweep, away: FloatArray
 ) -> None:
     shoulder = ShoulderSweep(Linkage.of(left))

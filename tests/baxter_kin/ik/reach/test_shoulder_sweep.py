@@ -146,7 +146,7 @@ def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
 
 
 @pytest.mark.parametrize("away_m", [0.01, 0.1])
-def test_nothing_within_the_radius_of_what_is_reached_is_excluded(left: Arm, away_m: float) -> None:
+def test_targets_near_reachable_ones_are_not_excluded(left: Arm, away_m: float) -> None:
     targets = pushed(reached(left, 300, 2), away_m, 3)
     found = ShoulderSweep(Linkage.of(left)).exclusions(targets, np.full(300, away_m), LEVELS)
     assert not found.is_proven.any()
@@ -166,7 +166,7 @@ def test_a_proof_holds_for_every_smaller_radius_and_with_more_levels(left: Arm) 
                 assert others[found].all(), (radius_m, levels, smaller_m, more)
 
 
-def test_targets_among_many_are_judged_as_each_alone(left: Arm) -> None:
+def test_results_do_not_depend_on_other_targets(left: Arm) -> None:
     count = BLOCK + 20
     sweep, targets = ShoulderSweep(Linkage.of(left)), pushed(reached(left, count, 6), 0.4, 7)
     together = sweep.exclusions(targets, np.zeros(count), 3)

@@ -14,7 +14,7 @@ from baxter_kin.ik.tolerance import EXACT
 from tests.conftest import at, overhead
 
 
-def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(left: Arm) -> None:
+def test_last_resorts_of_exact_poses_and_of_tolerances_differ(left: Arm) -> None:
     """Far out of reach, the one keeps the orientation, and the other is of the task."""
     tolerances = EXACT, Tolerance.about("z")
     resorts = [Solver(left, Backend.CASADI, tolerance).last_resort for tolerance in tolerances]
@@ -27,7 +27,7 @@ def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(lef
     assert task.iterations[0] > 0
 
 
-def test_what_ipopt_does_not_solve_has_no_last_resort(left: Arm) -> None:
+def test_ipopt_has_no_last_resort(left: Arm) -> None:
     solver = Solver(left, Backend.IPOPT)
     assert solver.fast is None
     assert isinstance(solver.search, IpoptSearcher)
@@ -67,7 +67,7 @@ def _hopeless_seed(arm: Arm, ik: IKService) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT, SeedMode.NS_MAP])
-def test_other_modes_try_their_type_alone(left: Arm, ik: IKService, mode: SeedMode) -> None:
+def test_other_modes_try_one_type(left: Arm, ik: IKService, mode: SeedMode) -> None:
     result = ik.solve(FOLDED_BACK, left.neutral, left.neutral, mode)
     assert not result.is_valid
     assert result.failure is not None
@@ -84,9 +84,7 @@ def test_a_pose_beyond_the_span_is_not_searched_for(left: Arm, ik: IKService) ->
     assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
 
 
-def test_what_was_proven_before_any_search_shows_the_seed_that_was_given(
-    left: Arm, ik: IKService
-) -> None:
+def test_result_without_search_has_the_given_seed(left: Arm, ik: IKService) -> None:
     q, other = left.start, left.neutral
     (result,) = ik.solve_batch([UNREACHABLE], seeds=[q], current=other, mode=SeedMode.NS_MAP)
     np.testing.assert_array_equal(result.q, q)
@@ -94,7 +92,7 @@ def test_what_was_proven_before_any_search_shows_the_seed_that_was_given(
     assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
 
 
-def test_failures_in_a_batch_are_those_of_each_alone(left: Arm, ik: IKService) -> None:
+def test_failures_do_not_depend_on_the_batch(left: Arm, ik: IKService) -> None:
     rng = np.random.default_rng(33)
     Ts = [
         left.T_base_tip(left.random_configuration(rng)) * pin.SE3(np.eye(3), rng.normal(size=3))
@@ -164,7 +162,7 @@ def are_close(found: Found) -> NDArray[np.bool_]:
     return (found.position_error_m <= TOLERANCE) & (found.orientation_error_rad <= TOLERANCE)
 
 
-def test_a_batch_of_no_poses_has_no_results(left: Arm) -> None:
+def test_empty_batch_has_no_results(left: Arm) -> None:
     solver, batch = Solver(left, Backend.AUTO), Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
     batch.solve(solver)
     assert list(batch.results(solver)) == []

@@ -80,9 +80,7 @@ def test_solution_reaches_the_pose_by_pinocchio(search: ca.Function, any_arm: Ar
     assert solved > 200
 
 
-def test_errors_are_those_of_the_last_iterate_whether_it_converged_or_not(
-    search: ca.Function, any_arm: Arm
-) -> None:
+def test_errors_are_those_of_the_last_iterate(search: ca.Function, any_arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for _ in range(100):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng))
@@ -122,7 +120,7 @@ def test_search_ends_after_its_iterations(search: ca.Function, any_arm: Arm) -> 
         np.diag([1.0, 1.0, 1.0, 2.0]),
     ],
 )
-def test_what_is_no_pose_is_not_solved(search: ca.Function, any_arm: Arm, T: np.ndarray) -> None:
+def test_invalid_poses_are_not_solved(search: ca.Function, any_arm: Arm, T: np.ndarray) -> None:
     _, report = run_from(search, any_arm, any_arm.start, T)
     assert report[0] == 0.0
     assert report[4] == 0.0
@@ -389,7 +387,7 @@ def test_an_arm_as_drawn_leaves_fewer_dimensions_open_than_a_calibrated_one(any_
     assert (len(numbers.shape.free) < len(Shape.GENERAL.free)) == is_drawn
 
 
-def test_other_bounds_take_the_place_of_the_limits_alone(left: Arm) -> None:
+def test_bounds_replace_the_joint_limits(left: Arm) -> None:
     numbers, unlimited = ArmNumbers.of(left), np.repeat([-np.pi, np.pi], 7)
     usual, other = numbers.within(), numbers.within(unlimited)
     np.testing.assert_array_equal(usual[:14], numbers.bounds)

@@ -51,7 +51,7 @@ def test_root_at_the_lower_end_is_found() -> None:
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.6, 1.0), (0.0, 0.4), (1.0, 0.0)])
-def test_no_change_from_negative_to_positive_is_no_root(lower: float, upper: float) -> None:
+def test_without_a_change_of_sign_there_is_no_root(lower: float, upper: float) -> None:
     assert root(lambda x: x - 0.5, lower, upper) is None
 
 
@@ -196,7 +196,7 @@ def test_points_are_in_the_limits_and_turn_little(
 
 
 @pytest.mark.parametrize("step_rad", [0.05, 0.005])
-def test_filled_points_are_on_the_pose_and_no_farther_apart_than_asked(
+def test_filled_points_reach_the_pose_and_keep_the_step(
     solution_curve: SolutionCurve, start: CurvePoint, step_rad: float
 ) -> None:
     points, _ = walk(solution_curve, start)
@@ -208,9 +208,7 @@ def test_filled_points_are_on_the_pose_and_no_farther_apart_than_asked(
     assert ((closer.tangent[1:] * closer.tangent[:-1]).sum(axis=1) > 0.9).all()
 
 
-def test_arcs_that_may_be_as_long_as_they_are_get_no_points(
-    solution_curve: SolutionCurve, start: CurvePoint
-) -> None:
+def test_short_arcs_get_no_points(solution_curve: SolutionCurve, start: CurvePoint) -> None:
     points, _ = walk(solution_curve, start)
     steps = np.full(len(points) - 1, np.inf)
     assert len(filled(solution_curve, points, steps)[0]) == len(points)
@@ -290,5 +288,5 @@ def test_loop_that_limits_do_not_cut_is_one_piece(left: Arm) -> None:
     assert len(distinct_solutions(left, [CLOSED])) == 1
 
 
-def test_point_that_stands_alone_has_no_loop(left: Arm) -> None:
+def test_isolated_point_has_no_loop(left: Arm) -> None:
     assert pieces_of(left, singular_near(left, ALONE)) == []

@@ -175,7 +175,7 @@ def test_many_are_corrected_like_one(left: Arm) -> None:
         np.testing.assert_array_equal(kernel.corrected(q, n, T).q[0], row)
 
 
-def test_none_are_corrected_to_none(left: Arm) -> None:
+def test_correcting_no_configurations_gives_none(left: Arm) -> None:
     none = np.empty((0, 7))
     assert len(CurveKernel.of(left).corrected_many(none, none, pose(left, left.start)).q) == 0
 

@@ -54,7 +54,7 @@ def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
         assert min(curve.nearest(piece.points.q[0])[1] for piece in pieces) < 1e-6
 
 
-def test_ends_of_pieces_are_those_of_the_curves_through_them(arm: Arm) -> None:
+def test_ends_of_pieces_agree_with_traced_curves(arm: Arm) -> None:
     """Those traced with limits, and those cut out of the loop: on the same limits."""
     rng = np.random.default_rng(4)
     for _ in range(6):
@@ -90,7 +90,7 @@ def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
             assert pose_error(robot, left, q, left.T_base_tip(q_known)) < 1e-9
 
 
-def test_what_of_a_loop_is_inside_the_limits_is_on_one_piece(arm: Arm) -> None:
+def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
     """Between the points of the loop, sampled closely; pieces begin and end where it is not."""
     rng, checked = np.random.default_rng(8), 0
     for _ in range(5):
@@ -134,7 +134,7 @@ def test_ends_stand_on_the_limit_they_name_and_lead_out_of_it(arm: Arm) -> None:
                     assert (point.tangent[joint] > 0.0) == is_upper
 
 
-def test_loops_cut_together_are_each_cut_as_alone(left: Arm) -> None:
+def test_loops_cut_together_are_cut_as_separately(left: Arm) -> None:
     rng = np.random.default_rng(10)
     T = left.T_base_tip(left.start)
     solution_curve = SolutionCurve(left, T)
@@ -185,7 +185,7 @@ def test_more_starts_find_nothing_more(ik: IKService) -> None:
     assert [c.length_rad for c in one] == pytest.approx([c.length_rad for c in other], abs=1e-6)
 
 
-def test_pieces_are_of_the_arm_as_it_is(robot: Any) -> None:
+def test_pieces_belong_to_the_given_arm(robot: Any) -> None:
     """Also of one whose joints are not where those of the stock robot are."""
     arm, rng = Arm("left", robot.model), np.random.default_rng(12)
     for i in range(1, 8):
@@ -230,7 +230,7 @@ def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
             assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
-def test_every_candidate_is_on_one_of_the_pieces_and_these_are_apart(arm: Arm) -> None:
+def test_every_candidate_is_on_exactly_one_piece(arm: Arm) -> None:
     T = arm.T_base_tip(arm.start)
     candidates = np.array(independent_solutions(arm, T, 30, seed=3))
     found = pieces_through(SolutionCurve(arm, T), candidates, 0.05)
@@ -268,6 +268,6 @@ def test_the_sweep_finds_the_pieces_that_searches_lead_to(left: Arm) -> None:
     assert len(swept) > 1
 
 
-def test_no_candidates_are_on_no_pieces(left: Arm) -> None:
+def test_no_candidates_give_no_pieces(left: Arm) -> None:
     T = left.T_base_tip(left.start)
     assert pieces_through(SolutionCurve(left, T), np.empty((0, 7)), 0.05) == ()

@@ -42,7 +42,7 @@ rows = hnp.arrays(np.float64, st.tuples(st.integers(0, 6), st.just(17)), element
 
 
 @given(rows)
-def test_points_are_what_they_are_made_of(rows: FloatArray) -> None:
+def test_points_return_their_columns(rows: FloatArray) -> None:
     points = CurvePoints(rows)
     assert len(points) == len(rows)
     np.testing.assert_array_equal(
@@ -68,7 +68,7 @@ def test_twice_the_other_way_is_the_same_way(rows: FloatArray) -> None:
         np.testing.assert_array_equal(CurvePoints.of([one]).rows, CurvePoints.of([other]).rows)
 
 
-def test_the_other_way_turns_the_tangent_and_its_determinant_alone() -> None:
+def test_reversing_changes_tangent_and_determinant_alone() -> None:
     point = CurvePoint(np.arange(7.0), np.eye(7)[2], 0.5, 1e-13, -0.1)
     other = point.reversed()
     np.testing.assert_array_equal(other.q, point.q)
@@ -77,7 +77,7 @@ def test_the_other_way_turns_the_tangent_and_its_determinant_alone() -> None:
 
 
 @given(rows, rows)
-def test_what_was_joined_is_cut_again(one: FloatArray, other: FloatArray) -> None:
+def test_joined_points_can_be_cut(one: FloatArray, other: FloatArray) -> None:
     joined = CurvePoints(one).then(CurvePoints(other))
     np.testing.assert_array_equal(joined.part(slice(len(one))).rows, one)
     np.testing.assert_array_equal(joined.part(slice(len(one), None)).rows, other)
@@ -135,7 +135,7 @@ def test_branches_that_cross_are_followed_through_a_singular_start(left: Arm) ->
     assert turn[0] @ turn[1] > 0.99
 
 
-def test_other_branch_of_a_singular_start_can_be_asked_for(left: Arm) -> None:
+def test_other_branch_of_a_singular_start_can_be_chosen(left: Arm) -> None:
     q = singular_near(left, CROSSING)
     first = trace_self_motion(left, q)
     plane = np.linalg.svd(left.jacobian(q))[2][5:]
@@ -172,7 +172,7 @@ def test_the_error_is_the_way_that_is_left_to_the_pose(any_arm: Arm) -> None:
         assert np.linalg.norm(curve_of(any_arm, q).error(q)) < 1e-14
 
 
-def test_what_is_corrected_stays_in_its_hyperplane(any_arm: Arm) -> None:
+def test_corrections_stay_in_their_hyperplane(any_arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for _ in range(20):
         q = any_arm.random_configuration(rng)
@@ -184,7 +184,7 @@ def test_what_is_corrected_stays_in_its_hyperplane(any_arm: Arm) -> None:
         assert normal @ (found[0] - off) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_is_far_from_the_pose_is_not_corrected(left: Arm) -> None:
+def test_configurations_far_from_the_pose_are_not_corrected(left: Arm) -> None:
     curve = SolutionCurve(left, at(3.0, 0.0, 0.0))
     assert curve.corrected(left.start, np.eye(7)[0]) is None
     with pytest.raises(ConfigurationError, match="misses the pose by"):
@@ -210,7 +210,7 @@ def test_clearance_is_that_of_the_nearest_limit_and_negative_outside(arm: Arm) -
     assert curve.without_limits.clearance_rad(q[3]) == math.inf
 
 
-def test_without_limits_whole_turns_are_no_way(left: Arm) -> None:
+def test_without_limits_whole_turns_are_ignored(left: Arm) -> None:
     curve = curve_of(left, left.start)
     end = left.start + 0.1 + 2.0 * math.pi * np.eye(7)[4]
     np.testing.assert_array_equal(curve.way(left.start, end), end - left.start)
@@ -225,7 +225,7 @@ def test_turned_configurations_are_next_to_the_middle_of_the_ranges(left: Arm) -
     np.testing.assert_allclose(curve.turned(q + turns), q, atol=1e-12)
 
 
-def test_what_is_outside_by_rounding_is_put_on_the_limit(left: Arm) -> None:
+def test_points_outside_by_rounding_are_moved_onto_the_limit(left: Arm) -> None:
     q = np.array(left.start)
     q[3] = left.limits.q_max[3]
     curve = curve_of(left, q)
@@ -284,7 +284,7 @@ def test_both_ends_are_the_points_and_their_tangents(segments: list[Segment]) ->
             np.testing.assert_allclose(segment.direction(u), point.tangent, atol=ROUNDING)
 
 
-def test_directions_are_those_in_which_the_cubic_goes_on(segments: list[Segment]) -> None:
+def test_directions_are_those_of_the_cubic(segments: list[Segment]) -> None:
     step, difference = 1e-5, 1e-8
     for segment in segments:
         for u in (0.2, 0.5, 0.9):
@@ -323,7 +323,7 @@ def test_lengths_are_those_of_a_fine_polygon(segments: list[Segment]) -> None:
         assert segment.length_rad == pytest.approx(polygon, rel=1e-5)
 
 
-def test_coefficients_are_those_of_the_cubic_and_it_turns_where_it_is_flat(
+def test_coefficients_and_turning_points_are_those_of_the_cubic(
     segments: list[Segment],
 ) -> None:
     for segment in segments:
@@ -349,7 +349,7 @@ def shifted(points: CurvePoints) -> FloatArray:
     return q
 
 
-def test_many_cubics_are_each_as_one_alone(points: CurvePoints, segments: list[Segment]) -> None:
+def test_many_cubics_agree_with_single_ones(points: CurvePoints, segments: list[Segment]) -> None:
     which, u = np.arange(len(segments)), np.random.default_rng(1).random(len(segments))
     for q in (points.q, shifted(points)):
         found, _ = cubics(q, points.tangent, which, u)

@@ -161,7 +161,7 @@ def test_limit_distance_is_that_of_the_nearest_joint(curves: list[SelfMotion]) -
         np.testing.assert_array_equal(curve.limit_distance_rad, to_limits.min(axis=1))
 
 
-def test_no_step_is_longer_than_asked(left: Arm) -> None:
+def test_no_step_is_longer_than_requested(left: Arm) -> None:
     for step_rad in (0.005, 0.1):
         curve = trace_self_motion(left, left.start, step_rad=step_rad)
         bent = 1.05  # an arc is longer than its tangent's share
