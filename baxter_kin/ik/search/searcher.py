@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
-from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.search.map_search import search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm

@@ -25,6 +25,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from baxter_kin.ik.self_motion.curve_cubics import Segment, arc_lengths, cubics, feet
 from baxter_kin.ik.self_motion.curve_kernel import (
     MAX_TURN_RAD,
     MIN_STEP_RAD,
@@ -34,11 +35,7 @@ from baxter_kin.ik.self_motion.curve_kernel import (
 from baxter_kin.ik.self_motion.solution_curve import (
     CurvePoint,
     CurvePoints,
-    Segment,
     SolutionCurve,
-    arc_lengths,
-    cubics,
-    feet,
     whole_turns_off,
 )
 from baxter_kin.validation import FloatArray, Indices

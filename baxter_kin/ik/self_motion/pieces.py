@@ -37,15 +37,13 @@ from baxter_kin.ik.self_motion.continuation import (
     minimum,
     with_last,
 )
+from baxter_kin.ik.self_motion.curve_cubics import Segment, cubics, feet
 from baxter_kin.ik.self_motion.curve_kernel import RESIDUAL_TOLERANCE
 from baxter_kin.ik.self_motion.solution_curve import (
     TOUCHING_RAD,
     CurvePoint,
     CurvePoints,
-    Segment,
     SolutionCurve,
-    cubics,
-    feet,
     whole_turns_off,
 )
 from baxter_kin.ik.self_motion.tracing import SelfMotion, curve_of, trace_self_motion

@@ -21,13 +21,8 @@ from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.fields import array, field, frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.self_motion.continuation import CurveEnd, EndKind, filled, walk_both_ways
-from baxter_kin.ik.self_motion.solution_curve import (
-    CurvePoint,
-    CurvePoints,
-    Segment,
-    SolutionCurve,
-    arc_lengths,
-)
+from baxter_kin.ik.self_motion.curve_cubics import Segment, arc_lengths
+from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,

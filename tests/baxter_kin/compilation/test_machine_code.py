@@ -15,7 +15,8 @@ from baxter_kin.compilation import compiler, machine_code
 from baxter_kin.compilation.compiler import compilers
 from baxter_kin.compilation.machine_code import KernelCache, compiled, private_folder, user_folder
 from baxter_kin.errors import FileError
-from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.search.map_search import search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers
 from baxter_kin.ik.tolerance import EXACT, Task
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from tests.baxter_kin.compilation.test_compiler import ends

@@ -21,9 +21,10 @@ from baxter_kin.ik.self_motion.continuation import (
     walk_both_ways,
     with_last,
 )
+from baxter_kin.ik.self_motion.curve_cubics import cubics
 from baxter_kin.ik.self_motion.curve_kernel import MAX_TURN_RAD
 from baxter_kin.ik.self_motion.pieces import pieces_inside
-from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve, cubics
+from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
 from tests.baxter_kin.ik.self_motion.test_pieces import pieces_of

@@ -9,6 +9,7 @@ import pytest
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.self_motion.continuation import EndKind, filled, loops_near
+from baxter_kin.ik.self_motion.curve_cubics import feet
 from baxter_kin.ik.self_motion.pieces import (
     SAME_CURVE_RAD,
     Piece,
@@ -16,7 +17,7 @@ from baxter_kin.ik.self_motion.pieces import (
     pieces_inside,
     pieces_through,
 )
-from baxter_kin.ik.self_motion.solution_curve import SolutionCurve, feet
+from baxter_kin.ik.self_motion.solution_curve import SolutionCurve
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
