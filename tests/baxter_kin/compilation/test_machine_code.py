@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.compilation import compiler, machine_code
+from baxter_kin.compilation import compiler, kernel_cache, machine_code
 from baxter_kin.compilation.compiler import compilers
-from baxter_kin.compilation.machine_code import KernelCache, compiled, private_folder, user_folder
+from baxter_kin.compilation.kernel_cache import KernelCache, private_folder, user_folder
+from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import FileError
 from baxter_kin.ik.search.map_search import search_functions
 from baxter_kin.ik.search.search_function import ArmNumbers
@@ -237,7 +238,7 @@ def test_a_cache_that_can_only_be_read_is_read(
 ) -> None:
     compiled([square])
     monkeypatch.setattr(KernelCache, "is_writable", False)
-    monkeypatch.setattr(machine_code, "private_folder", None)
+    monkeypatch.setattr(kernel_cache, "private_folder", None)
     assert value(compiled([square])) == [9.0, 16.0, 7.0]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.compilation.compiler import Compiler
-from baxter_kin.compilation.machine_code import (
+from baxter_kin.compilation.kernel_cache import (
     ABANDONED_AFTER_S,
     MAX_LIBRARIES,
     KernelCache,
@@ -166,7 +166,7 @@ def test_the_private_folder_is_gone_when_its_process_is_but_outlives_forks(
     tmp_path: Path,
 ) -> None:
     program = (
-        "import os, sys; from baxter_kin.compilation.machine_code import private_folder\n"
+        "import os, sys; from baxter_kin.compilation.kernel_cache import private_folder\n"
         "folder = private_folder()\n"
         "if os.fork() == 0: sys.exit()\n"
         "os.wait()\n"
