@@ -14,7 +14,7 @@ from baxter_kin.compilation.compiler import compilers
 
 
 def power(exponent: int, *, size: int = 2, off: float = 0.0) -> ca.Function:
-    """A function of one name, whatever it computes."""
+    """A function that always has the same name."""
     x = ca.SX.sym("x", size)
     return ca.Function("power", [x], [x**exponent + off])
 

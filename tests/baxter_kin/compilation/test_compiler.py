@@ -14,7 +14,7 @@ from baxter_kin.compilation.compiler import ZIG, Compiler, compilers, run_within
 
 @pytest.fixture
 def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder that is all of PATH; no package `ziglang`."""
+    """A folder that is the only one on PATH, without the package `ziglang`."""
     folder = tmp_path / "bin"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
@@ -90,7 +90,7 @@ def test_version_key_depends_on_the_program_alone(programs: Path) -> None:
 # Programs with a time limit
 
 LONG_S = 30.0
-"""More than any of these programs takes."""
+"""Time limit that none of these programs reaches."""
 
 SHORT_S = 1.0
 """Enough for a shell to start."""
@@ -99,7 +99,7 @@ WITH_A_CHILD = "sleep 1000 & echo $! > child; wait"
 
 
 def is_running(process: int) -> bool:
-    """Whether it is there, and no zombie that waits for its parent to ask."""
+    """Whether a process exists and is not a zombie."""
     try:
         status = Path(f"/proc/{process}/stat").read_text("ascii")
     except (FileNotFoundError, ProcessLookupError):
@@ -108,7 +108,7 @@ def is_running(process: int) -> bool:
 
 
 def ends(process: int) -> bool:
-    """Whether it does soon; a signal takes a moment to arrive."""
+    """Whether a process ends soon; a signal takes a moment to arrive."""
     for _ in range(100):
         if not is_running(process):
             return True

@@ -31,7 +31,7 @@ def new_process() -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KernelCache:
-    """The user's, and empty."""
+    """The user's cache, empty."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return next(kernel_caches())
 
@@ -120,7 +120,7 @@ def test_a_folder_of_another_user_is_not_used(
 def test_root_makes_no_folder_in_the_home_of_a_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The user could not use it."""
+    """The user could not use the folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / ".cache"))
     real_stat = Path.stat
 

@@ -27,7 +27,7 @@ Provide = Callable[..., None]
 
 @pytest.fixture(autouse=True)
 def new_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a process remembers."""
+    """Forget what a process remembers."""
     monkeypatch.setattr(machine_code, "_FAILED", set())
     private_folder.cache_clear()
 
@@ -49,7 +49,7 @@ def _usual_folder(otherwise: Path) -> Path:
 
 @pytest.fixture
 def cache(empty_cache: Path) -> Path:
-    """The same, where there is a compiler."""
+    """The empty cache, if there is a compiler."""
     if not compilers():
         pytest.skip("machine code needs a C compiler; pip install ziglang brings one")
     return empty_cache
@@ -57,7 +57,7 @@ def cache(empty_cache: Path) -> Path:
 
 @pytest.fixture
 def provide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Provide:
-    """Let shell scripts be the compilers, by their names on PATH."""
+    """Install shell scripts as the compilers on PATH."""
     folder = tmp_path / "bin"
     folder.mkdir()
 
@@ -252,7 +252,7 @@ def test_without_a_compiler_the_result_is_none(
 
 @pytest.fixture
 def some_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that is not ours, for scripts to copy."""
+    """A foreign library for scripts to copy."""
     folder = Path(np.__file__).parent / "_core"
     monkeypatch.setenv("LIBRARY", str(next(folder.glob("_multiarray_umath*.so"))))
 

@@ -19,7 +19,7 @@ from tests.served_urdf import VARIANTS, served_urdf, variant
 
 @pytest.fixture(scope="module")
 def tree(drawn: Baxter) -> Urdf:
-    """The stock robot's."""
+    """The tree of the stock robot."""
     return drawn.description.tree
 
 
@@ -31,7 +31,7 @@ XYZ, RPY, AXIS = 'origin rpy="[^"]*" xyz="[^"]*"', 'rpy="[^"]*"', 'axis xyz="[^"
 
 
 def changed(text: str, joint: str, pattern: str, by: str) -> str:
-    """A text with something of one joint replaced."""
+    """A text in which a pattern of one joint is replaced."""
     whole = re.search(f'<joint name="{joint}".*?</joint>', text, re.DOTALL)
     assert whole is not None
     found, count = re.subn(pattern, by, whole[0])
@@ -143,7 +143,7 @@ def test_files_of_real_robots_load(name: str, kind: Callable[[str], str | bytes]
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_in_files_of_real_robots_arms_are_as_stated(robot: Baxter, name: str) -> None:
-    """But for the mounts, they state every joint as it is drawn."""
+    """Except for the mounts, they state every joint as it is drawn."""
     own = Baxter.load(variant(name))
     for side in ("left", "right"):
         q = robot.arm(side).neutral
@@ -290,7 +290,7 @@ def test_stock_robot_is_unchanged(tree: Urdf) -> None:
 
 
 def place(tree: Urdf, first: str, last: str) -> pin.SE3:
-    """By Pinocchio's reading of the text, all joints at zero."""
+    """The pose of a link by Pinocchio, with all joints at zero."""
     model = pin.buildModelFromXML(tree.text)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))

@@ -128,7 +128,7 @@ RETHINKS = {"narrow": 0.01725, "wide": 0.05503}
 
 
 def place(robot: Baxter, link: str, seen_from: str) -> pin.SE3:
-    """By Pinocchio's reading of the text, all joints at zero."""
+    """The pose of a link by Pinocchio, with all joints at zero."""
     model = pin.buildModelFromXML(robot.description.text)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))

@@ -27,7 +27,7 @@ def served(seed: int | None = None, **options: Any) -> str:
 
 
 def worst_difference(first: pin.Model, second: pin.Model) -> float:
-    """Of all joints and all frames that both have, over random configurations, m or none."""
+    """The largest difference of poses of common joints and frames at random configurations."""
     rng, worst = np.random.default_rng(0), 0.0
     data = first.createData(), second.createData()
     names = {f.name: f.name.removesuffix("_link") for f in first.frames}
@@ -73,7 +73,7 @@ def test_stock_robot_is_that_of_the_file(robot: Baxter) -> None:
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("without", [(), ("left",), ("left", "right")])
 def test_kinematics_agree_with_pinocchio(seed: int, without: tuple[str, ...]) -> None:
-    """From the untouched text; bit by bit, since every number is kept."""
+    """From the original text, to the bit, since every number is kept."""
     text = served(seed, without_grippers=without, limit_change=0.01, shuffled=True)
     own, untouched = Baxter.load(text).model, pin.buildModelFromXML(text)
     assert list(own.names) == list(untouched.names)
@@ -135,7 +135,7 @@ def test_order_of_the_text_does_not_count() -> None:
 
 
 def test_meshes_are_never_opened(tmp_path: Path) -> None:
-    """Of all files that the process opens while it loads, none is named in the text."""
+    """None of the files that the process opens while loading is named in the text."""
     path = tmp_path / "robot.urdf"
     path.write_text(served(1).replace("package://baxter_description", str(tmp_path / "away")))
     code = (
@@ -235,7 +235,7 @@ def test_effort_does_not_count(tree: Urdf) -> None:
 
 
 def test_a_mount_that_lies_elsewhere_is_named_with_its_distance(tree: Urdf) -> None:
-    """No joint that moves lies elsewhere on the link that it is on."""
+    """All movable joints are in their places on their parents."""
     own = Baxter.load(served(measured="one")).description.identity
     drawn = Baxter.load(served()).description.identity
     assert own.difference(drawn) == "joint left_torso_arm_mount lies 11 mm elsewhere"

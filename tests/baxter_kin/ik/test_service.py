@@ -47,7 +47,7 @@ E1 = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def test_seed_a_little_outside_the_limits_is_clamped(left: Arm, ik: IKService) -> None:
-    """Arms at rest report a little more than their limits."""
+    """Arms at rest report values slightly beyond their limits."""
     q = np.array(left.start)
     q[3] = left.limits.q_max[3] + 0.01
     assert ik.solve(overhead(0.7, 0.15, -0.129), current=q).is_valid
@@ -124,7 +124,7 @@ def test_arrays_are_taken_together_as_they_are_one_by_one(left: Arm) -> None:
 def test_a_seed_a_little_outside_the_limits_is_clamped_whatever_its_form(
     left: Arm, ik: IKService
 ) -> None:
-    """Of a pose that nothing is searched for, the seed itself is the answer's configuration."""
+    """Without a search, the seed itself is the configuration of the result."""
     q, far = np.array(left.neutral), overhead(3.0, 0.0, 0.0)
     q[3] = left.limits.q_max[3] + 0.01
     for seed in (q, q.tolist()):
@@ -132,11 +132,11 @@ def test_a_seed_a_little_outside_the_limits_is_clamped_whatever_its_form(
 
 
 TOLERANCE = 1e-6
-"""In m and rad: what counts as a solution."""
+"""Errors of a solution, in m and rad."""
 
 
 def assert_solves(result: IKResult, T: pin.SE3, robot: Baxter, arm: Arm) -> None:
-    """Check a solution with Pinocchio on the full URDF, not with what the service uses."""
+    """Check a solution with Pinocchio on the full URDF, independently of the service."""
     assert result.is_valid, str(result.failure)
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.configuration(result.joints))

@@ -45,7 +45,7 @@ def _descended(arm: Arm, T: pin.SE3, q: FloatArray) -> FloatArray | None:
 
 
 def holder(curves: tuple[SelfMotion, ...], q: FloatArray) -> int | None:
-    """Which curve `q` lies on."""
+    """The index of the curve on which `q` lies."""
     on = [i for i, curve in enumerate(curves) if curve.nearest(q)[1] < ON_CURVE_RAD]
     assert len(on) <= 1
     return on[0] if on else None
@@ -118,7 +118,7 @@ def test_point_of_a_curve_is_no_other_solution(left: Arm) -> None:
 
 
 def test_candidates_may_miss_the_pose_as_a_service_does(left: Arm) -> None:
-    """By 1e-6 m and rad, also where a joint stands on its limit."""
+    """By 1e-6 m and rad, also with a joint on its limit."""
     curve = trace_self_motion(left, left.start)
     rng = np.random.default_rng(6)
     points = [curve.at(s) for s in np.linspace(0.0, curve.length_rad, 20)]

@@ -129,7 +129,7 @@ def test_about_is_a_cone_that_ends_at_five_degrees_where_the_box_goes_on_to_seve
 def test_rotations_within_a_tolerance_keep_its_bound(
     widths: tuple[float, float, float], roll: float
 ) -> None:
-    """At the corners, where rotation or lean is greatest."""
+    """At the corners, where rotation or lean is largest."""
     assert Tolerance(rotation_rad=widths).max_rotation_rad == pytest.approx(np.linalg.norm(widths))
     box = Tolerance.tilt_box("z", tilt_rad=widths[:2])
     corner = pin.exp3(np.array([widths[0], widths[1], 0.0])) @ pin.exp3(np.array([0.0, 0.0, roll]))
@@ -227,7 +227,7 @@ def test_bounds_in_degrees_get_a_hint(bounds: dict[str, Any]) -> None:
 
 
 WITHIN = 1e-6
-"""In m and rad: what an answer may exceed its tolerance by."""
+"""Allowed excess of a result over its tolerance, in m and rad."""
 
 TOOL = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.03, -0.02, 0.15]))
 
@@ -346,7 +346,7 @@ def aslant(arm: Arm, tilt_rad: float) -> list[pin.SE3]:
 
 
 def needing_a_lean(arm: Arm, service: IKService, tilt_rad: float) -> list[pin.SE3]:
-    """Those of them that are not solved upright."""
+    """The poses among them that are not solved upright."""
     poses = aslant(arm, tilt_rad)
     upright = service.solve_batch(poses, tolerance=Tolerance.about("z"))
     return [T for T, result in zip(poses, upright, strict=True) if not result.is_valid]
@@ -404,7 +404,7 @@ def test_without_a_compiler_the_answers_are_the_same(left: Arm, ik: IKService) -
 
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_no_proof_is_false(tipped: Arm, name: str) -> None:
-    """Requests that a reachable pose fulfils, often only just."""
+    """Requests that a reachable pose fulfils, often barely."""
     tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
     reach = ReachBound(tipped, tolerance)
     asked = []

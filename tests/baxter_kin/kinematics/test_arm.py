@@ -110,7 +110,7 @@ def test_configuration_by_name_lists_what_is_missing(left: Arm) -> None:
 
 
 def test_results_do_not_share_memory(left: Arm) -> None:
-    """Pinocchio hands out views of its workspace; ours must be copies."""
+    """Pinocchio returns views of its workspace; ours must be copies."""
     first = left.T_base_tip(left.start)
     J, kept = left.jacobian(left.start), left.jacobian(left.start).copy()
     before = first.homogeneous.copy()

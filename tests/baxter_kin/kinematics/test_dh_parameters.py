@@ -9,10 +9,10 @@ from baxter_kin.errors import DescriptionError
 from baxter_kin.kinematics.dh_parameters import DHParameters
 
 ROUNDING = 1e-13
-"""Of a product of 21 transforms, m and of the rotation matrix."""
+"""Rounding of a product of 21 transforms, in m and of the rotation matrix."""
 
 URDF_ROUNDING = 1e-5
-"""Its right angles are written with five digits or more."""
+"""Right angles of the URDF are written with five digits or more."""
 
 
 def about_z(angle: float) -> pin.SE3:

@@ -9,7 +9,7 @@ from baxter_kin import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
 
 ROUNDING = 1e-14
-"""Of a product of seven transforms, m and of the rotation matrix."""
+"""Rounding of a product of seven transforms, in m and of the rotation matrix."""
 
 
 @given(st.integers(0, 2**32 - 1))

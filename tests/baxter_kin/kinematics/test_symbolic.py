@@ -14,7 +14,7 @@ AGREEMENT = 1e-12
 
 
 def test_pose_and_axes_agree_with_pinocchio_anywhere(any_arm: Arm) -> None:
-    """Axes and origins by the geometric Jacobian that they give."""
+    """Axes and origins are tested by their geometric Jacobian."""
     symbolic, dh = SymbolicArm.of(any_arm), DHParameters.of(any_arm)
     pose = ca.Function("pose", [symbolic.q], [symbolic.p_base_tip, symbolic.R_base_tip])
     chain = SymbolicChain.of(dh)

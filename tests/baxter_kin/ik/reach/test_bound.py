@@ -17,7 +17,7 @@ from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray
 
 RESOLUTION_M = 1e-2
-"""Of the bound: cells of 1.7 mrad, and points up to 3 m away from the axis."""
+"""Resolution of the bound: cells of 1.7 mrad, and points up to 3 m away from the axis."""
 
 coordinates = st.floats(-3.0, 3.0)
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
@@ -34,7 +34,7 @@ def sweep(left_linkage: Linkage) -> PositionSweep:
 
 
 def elbow_distance_m(left_linkage: Linkage, point: FloatArray) -> float:
-    """From a point to the nearest of elbows all over the ranges of s0, s1 and e0."""
+    """Distance from a point to the nearest of elbows all over the ranges of s0, s1 and e0."""
     ranges = zip(left_linkage.q_min[:3], left_linkage.q_max[:3], (120, 60, 60), strict=True)
     grid = np.meshgrid(*(np.linspace(low, high, count) for low, high, count in ranges))
     s0, s1, e0 = (angles.ravel() for angles in grid)
@@ -97,7 +97,7 @@ def shells(linkage: Linkage) -> Shells:
 
 
 def distances(linkage: Linkage, point: FloatArray) -> FloatArray:
-    """From a point, (3,), to S at many angles of s0, m."""
+    """Distances from a point, (3,), to S at many angles of s0, m."""
     s0 = np.linspace(linkage.q_min[0], linkage.q_max[0], 20_001)
     arc = linkage.shoulder_offset_m * np.array([np.cos(s0), np.sin(s0), np.zeros_like(s0)])
     away: FloatArray = np.linalg.norm(arc.T - point, axis=1)
@@ -134,7 +134,7 @@ def test_no_wrist_and_no_tip_of_the_arm_has_an_excess(
 
 
 def test_the_elbow_excludes_more_than_the_straight_arm(shells: Shells) -> None:
-    """Straight down, which s1 does not allow."""
+    """A point straight below, which s1 does not allow."""
     point = np.array([0.0, 0.0, 0.01 - shells.radius_m])
     assert shells.tip_excess_m(point) <= 0.0 < shells.elbow_excess_m(point)
 
@@ -216,19 +216,19 @@ def bounds(robot: Baxter) -> dict[str, ReachBound]:
 
 @pytest.fixture(scope="module")
 def bounds_of_axis(robot: Baxter) -> dict[str, ReachBound]:
-    """With every rotation about the last axis allowed; proofs take a hundredth of the time."""
+    """A bound for every rotation about the last axis; its proofs take a hundredth of the time."""
     return {side: ReachBound(arm, Tolerance.about("z")) for side, arm in robot.arms.items()}
 
 
 @pytest.fixture
 def bound_of_axis(arm: Arm, bounds_of_axis: dict[str, ReachBound]) -> ReachBound:
-    """Of either arm in turn."""
+    """The arms in turn."""
     return bounds_of_axis[arm.side]
 
 
 @pytest.fixture
 def bound(arm: Arm, bounds: dict[str, ReachBound]) -> ReachBound:
-    """The bound of either arm in turn."""
+    """The bounds of the arms in turn."""
     return bounds[arm.side]
 
 
@@ -296,7 +296,7 @@ def test_proofs_of_many_agree_with_single_ones(any_arm: Arm) -> None:
 def test_limits_of_all_joints_prove_more_than_other_bounds(
     left: Arm, q: tuple[float, ...], away: float
 ) -> None:
-    """Pushed about in all directions, some poses next to these have only that proof."""
+    """Some poses next to these, displaced in all directions, have only that proof."""
     bound, T, rng = ReachBound(left), left.T_base_tip(q), np.random.default_rng(9)
     found = 0
     for _ in range(20):
@@ -310,7 +310,7 @@ def test_limits_of_all_joints_prove_more_than_other_bounds(
 
 
 def test_beyond_what_calibration_can_hide_a_calibrated_arm_has_proofs(any_arm: Arm) -> None:
-    """Pushed from where it is fully stretched, straight away from the shoulder."""
+    """Displaced from a fully stretched pose, straight away from the shoulder."""
     bound, linkage, rng = ReachBound(any_arm), Linkage.of(any_arm), np.random.default_rng(7)
     q = np.array(any_arm.neutral)
     q[2:5] = 0.0, linkage.elbow_angle, np.pi
@@ -504,7 +504,7 @@ def test_absurdly_far_poses_are_proved_in_few_words(bound: ReachBound) -> None:
 
 
 def _with_wrist(arm: Arm, wrist_base: FloatArray, R_base_tip: FloatArray) -> pin.SE3:
-    """The pose of that orientation whose wrist is there."""
+    """The pose with an orientation and a position of the wrist."""
     return pin.SE3(R_base_tip, wrist_base + Linkage.of(arm).hand_m * R_base_tip[:, 2])
 
 

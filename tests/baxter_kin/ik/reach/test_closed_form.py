@@ -25,7 +25,7 @@ def poses_of(arm: Arm, qs: np.ndarray) -> np.ndarray:
 
 
 def turned(q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The greatest difference of angles, full turns apart."""
+    """The largest difference of angles, up to full turns."""
     difference: np.ndarray = np.abs((q - other + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
     return difference
 

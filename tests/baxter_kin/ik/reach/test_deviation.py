@@ -1,4 +1,4 @@
-"""Against Pinocchio: the arm itself, less `Linkage.wrist_and_axis`, seen as s0 turns."""
+"""Compared with Pinocchio: the arm minus `Linkage.wrist_and_axis`, seen as s0 turns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOXES, POINTS = 40, 60
 
 @pytest.mark.parametrize("link", range(6))
 def test_the_slack_holds_where_one_link_is_off(left: Arm, link: int) -> None:
-    """Its bound is attained; joints are moved alone, or two at a time, from many middles."""
+    """The bound is attained; joints are moved one or two at a time, from many middles."""
     for twist_rad, missing_m in ((0.02, 0.0), (0.0, 0.01), (0.02, 0.01)):
         nearby = NearbyDeviation(_with_link(Linkage.of(left), link, twist_rad, missing_m))
         rng, count = np.random.default_rng(link), 4000

@@ -23,7 +23,7 @@ def sweep(left: Arm) -> PoseSweep:
 
 @pytest.fixture(scope="module")
 def away(left: Arm) -> FloatArray:
-    """Targets next to what is reached with joints at limits; some are out of reach."""
+    """Targets next to reachable ones with joints at limits; some are out of reach."""
     return pushed(reached(left, 160, 1)[::2], 0.02, 2)
 
 
@@ -74,7 +74,7 @@ def test_a_roll_that_the_last_joint_cannot_make_is_excluded(left: Arm, sweep: Po
 def test_the_cell_of_a_configuration_survives_however_small(
     robot: Baxter, monkeypatch: pytest.MonkeyPatch, kind: str, passes: int
 ) -> None:
-    """At every level, where the whole sweep would give up for the number of cells."""
+    """At every level, even if the whole sweep would give up because of the number of cells."""
     monkeypatch.setattr(pose_sweep, "PASSES", passes)
     rng, nearer = np.random.default_rng(6), 0
     for side in ("left", "right"):
@@ -115,7 +115,7 @@ def test_of_a_calibrated_arm_more_is_proven_than_with_the_whole_deviation(
 
 
 def _tilted_hand(robot: Baxter, side: str) -> Arm:
-    """An arm as drawn, but for the last axis: it deviates by that alone, and always by the most."""
+    """An arm as drawn, except for the last axis, so that its deviation is always the largest."""
     model = robot.model.copy()
     joint = model.getJointId(f"{side}_w2")
     turn = pin.SE3(pin.exp3(np.full(3, 0.01)), np.zeros(3))  # about the wrist

@@ -15,19 +15,19 @@ from baxter_kin.validation import FloatArray
 ROUNDING = 1e-9
 
 ARC_SINE = 1e-6
-"""What an arc sine or cosine near 1 loses: half the digits."""
+"""An arc sine or cosine near 1 loses half the digits."""
 
 angles = st.floats(-20.0, 20.0)
 slacks = st.floats(0.0, 4.0)
 
 
 def one(*numbers: float) -> tuple[FloatArray, ...]:
-    """Each number as an array of one."""
+    """The numbers as arrays of length 1."""
     return tuple(np.array([number]) for number in numbers)
 
 
 def turn(angle: float) -> float:
-    """The same angle but for whole turns, in [-pi, pi]."""
+    """The same angle up to whole turns, in [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
 
 
@@ -62,7 +62,7 @@ vectors = st.tuples(coordinates, coordinates, st.floats(5e-6, 1.0))
 
 
 def moved(vector: tuple[float, float, float], share: float, towards: float) -> tuple[float, float]:
-    """Its components when its end is off by a share of the slack."""
+    """The components of a vector whose end is displaced by a share of the slack."""
     x, y, slack = vector
     return x + share * slack * math.cos(towards), y + share * slack * math.sin(towards)
 
@@ -122,7 +122,7 @@ LEVELS = 5
 
 
 def reached(arm: Arm, count: int, seed: int) -> FloatArray:
-    """Where random configurations put the last axis, half of them with joints at limits."""
+    """Last axes of random configurations, half of them with joints at limits."""
     rng, linkage = np.random.default_rng(seed), Linkage.of(arm)
     qs = np.array([arm.random_configuration(rng) for _ in range(count)])
     ends = np.where(rng.random((count, 7)) < 0.5, arm.limits.q_min, arm.limits.q_max)
@@ -132,7 +132,7 @@ def reached(arm: Arm, count: int, seed: int) -> FloatArray:
 
 
 def pushed(targets: FloatArray, away_m: float, seed: int) -> FloatArray:
-    """The same in the same orientations, moved in random directions."""
+    """The same targets in the same orientations, moved in random directions."""
     directions = np.random.default_rng(seed).normal(size=(len(targets), 3))
     moved = targets.copy()
     moved[:, :3, 3] += away_m * directions / np.linalg.norm(directions, axis=1)[:, None]

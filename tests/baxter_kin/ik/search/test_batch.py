@@ -15,7 +15,7 @@ from tests.conftest import at, overhead
 
 
 def test_last_resorts_of_exact_poses_and_of_tolerances_differ(left: Arm) -> None:
-    """Far out of reach, the one keeps the orientation, and the other is of the task."""
+    """Far out of reach, the first keeps the orientation, and the second searches for the task."""
     tolerances = EXACT, Tolerance.about("z")
     resorts = [Solver(left, Backend.CASADI, tolerance).last_resort for tolerance in tolerances]
     far = left.T_base_tip(left.start).homogeneous
@@ -35,20 +35,20 @@ def test_ipopt_has_no_last_resort(left: Arm) -> None:
 
 
 TOLERANCE = 1e-6
-"""In m and rad: what counts as a solution."""
+"""Errors of a solution, in m and rad."""
 
 
 UNREACHABLE = at(0.9, 0.3, 0.9)
-"""Inside the ball that the links span, outside what the joint limits allow."""
+"""Inside the ball that the links span, but out of reach because of the joint limits."""
 
 FOLDED_BACK = pin.SE3(
     np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.4, 0.3, 0.5])
 )
-"""The same, and between the shells that bound the wrist: only a sweep proves it."""
+"""The same, and between the shells that bound the wrist, so that only a sweep proves it."""
 
 
 def test_reported_type_is_the_one_whose_start_converged(left: Arm, ik: IKService) -> None:
-    """Seeds that are hopeless for this pose must not get the credit."""
+    """Seeds that do not lead to this pose must not be reported."""
     T, hopeless = left.T_base_tip(left.start), _hopeless_seed(left, ik)
     result = ik.solve(T, seed=hopeless, current=left.start)
     assert result.seed_type is SeedType.CURRENT
@@ -123,7 +123,7 @@ def test_failures_do_not_depend_on_the_batch(left: Arm, ik: IKService) -> None:
     ids=["left, four joints at limits", "right, four joints at limits", "singular and at a limit"],
 )
 def test_a_single_solution_between_limits_is_found(robot: Baxter, side: str, q_text: str) -> None:
-    """It was believed that starts computed from the pose find all: these were missed."""
+    """Poses that starts computed from the pose once missed."""
     arm = robot.arm(side)
     T = arm.T_base_tip([float(angle) for angle in q_text.split()])
     result = IKService(arm).solve(T)
@@ -138,7 +138,7 @@ def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None
 
 
 def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> None:
-    """Of poses that the setpoints do not solve, whichever round that start belongs to."""
+    """For poses that the setpoints do not solve, in whichever round that start is."""
     solver, rng = Solver(left, Backend.AUTO), np.random.default_rng(34)
     qs = np.array([left.random_configuration(rng) for _ in range(15_000)])
     qs = np.where(rng.random(qs.shape) < 0.3, left.limits.q_max, qs)  # few starts lead there

@@ -16,10 +16,10 @@ from baxter_kin.ik.tolerance import EXACT, Tolerance
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6
-"""In m and rad: what counts as a solution."""
+"""Errors of a solution, in m and rad."""
 
 URDF_ROUNDING = 1e-10
-"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+"""The search assumes that the URDF's right angles are exact, which moves the tip by 2e-11 m."""
 
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT])
@@ -73,7 +73,7 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
 
 
 def reason(ik: IKService, T: pin.SE3) -> str:
-    """Why there is no solution."""
+    """The reason why there is no solution."""
     return str(ik.solve(T).failure)
 
 
@@ -112,7 +112,7 @@ def test_hand_that_points_down_gets_no_hint_about_its_quaternion(ik: IKService, 
 def test_failure_without_proof_states_the_nearest_position(
     left: Arm, ik: IKService, away_m: float
 ) -> None:
-    """Pushed straight out of the ball that upper arm and forearm span, where proofs keep 5 um."""
+    """Moved straight out of the ball that upper arm and forearm span, where the margin is 5 um."""
     linkage = Linkage.of(left)
     straight = linkage.elbow_angle - linkage.wrist_angle  # from shoulder to wrist
     q = np.array([0.3, -0.2, 0.0, straight, 0.0, 0.9, 0.2])

@@ -74,7 +74,7 @@ def test_the_objective_is_half_the_squared_distance(left: Arm) -> None:
 
 
 def test_nearest_position_is_consistent_with_proofs(left: Arm) -> None:
-    """A pose out of reach: the way there is longer than the proven excess, and not by much."""
+    """For a pose out of reach, the distance is slightly larger than the proven excess."""
     search = IpoptSearcher(left, NullSpaceMap(left), is_nearest=True)
     bound = ReachBound(left)
     q = np.array([0.3, -0.2, 0.0, 0.187, 0.0, 0.9, 0.2])  # nearly straight

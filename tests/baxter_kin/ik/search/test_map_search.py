@@ -19,7 +19,7 @@ from tests.baxter_kin.ik.search.test_search_function import task_of
 
 @pytest.fixture(scope="module")
 def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
-    """From a start, giving up as the map's searches do, and from the map."""
+    """The search from a start, with the patience of the map's, and the search from the map."""
     shape = ArmNumbers.of(any_arm).shape
     from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
     return search_function(shape, PATIENCE), from_map
@@ -36,7 +36,7 @@ def from_map(arm: Arm, T: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the search finds from the nearest setpoints, with the map in NumPy."""
+    """The result of searches from the nearest setpoints, with the map in NumPy."""
     map_ = NullSpaceMap(arm)
     best_q, best, iterations, starts = np.zeros(7), np.full(2, np.inf), 0, 0
     for index in map_.nearest(T[None])[0]:
@@ -79,7 +79,7 @@ def test_when_all_fail_the_nearest_iterate_is_kept(
 
 
 def test_searches_end_where_patience_does(any_arm: Arm) -> None:
-    """A search that is still slow then ends; one that is not, as if patience were endless."""
+    """A search that is slow then ends; any other has the same result as with endless patience."""
     numbers, rng = ArmNumbers.of(any_arm), np.random.default_rng(3)
     one, other = (search_function(numbers.shape, patience) for patience in (PATIENCE, {}))
     ends = set()

@@ -26,7 +26,7 @@ from baxter_kin.kinematics.symbolic import Shape, dimensions_of
 ROUNDING = 1e-12
 
 URDF_ROUNDING = 1e-10
-"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+"""The search assumes that the URDF's right angles are exact, which moves the tip by 2e-11 m."""
 
 CONVERGED = 1e-9
 
@@ -37,7 +37,7 @@ def search(any_arm: Arm) -> ca.Function:
 
 
 def task_of(arm: Arm, tolerance: Tolerance = EXACT) -> np.ndarray:
-    """The task as the search takes it."""
+    """The task as input of the search."""
     return Task.of(arm, tolerance).numbers(DHParameters.of(arm).T_last_tip)
 
 
@@ -136,7 +136,7 @@ def test_a_start_slightly_outside_the_limits_is_clamped(search: ca.Function, any
 
 
 def test_a_half_turn_away_is_not_mistaken_for_the_pose(search: ca.Function, any_arm: Arm) -> None:
-    """There the skew part of the rotation matrix vanishes as well."""
+    """The skew part of the rotation matrix vanishes there as well."""
     T = any_arm.T_base_tip(any_arm.start)
     for axis in np.eye(3):
         turned = T.homogeneous
@@ -217,7 +217,7 @@ def test_with_the_roll_free_the_rotation_is_the_tilt(left: Arm, coordinates: ca.
 
 
 def test_a_task_as_good_as_exact_is_the_exact_search(any_arm: Arm) -> None:
-    """Widths of zero have a step of their own; widths of nearly zero are searched as any others."""
+    """Widths of zero have a step of their own; widths of nearly zero have the general one."""
     numbers = ArmNumbers.of(any_arm)
     search, rng, solved = search_functions(numbers.shape)[0], np.random.default_rng(2), 0
     nearly = Tolerance((1e-15,) * 3)
@@ -260,7 +260,7 @@ def test_an_exact_search_is_that_of_the_tool_as_well(any_arm: Arm) -> None:
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.3])
 def test_the_error_of_the_search_is_the_excess_over_the_cone(any_arm: Arm, tilt_rad: float) -> None:
-    """Of a search that ends where it starts, with all joints locked."""
+    """For a search that ends where it starts, with all joints locked."""
     numbers, tolerance = ArmNumbers.of(any_arm), Tolerance.about("z", tilt_rad=tilt_rad)
     search, task = search_functions(numbers.shape)[0], task_of(any_arm, tolerance)
     for target, reached in pairs(any_arm, 50):

@@ -39,7 +39,7 @@ def function() -> ca.Function:
 SHARED = np.array([0.5, 3.0])
 
 ROUNDING = 1e-12
-"""Of sums of numbers up to 1,000."""
+"""Rounding of sums of numbers up to 1,000."""
 
 
 def requests(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -153,7 +153,7 @@ def test_threads_do_not_disturb_each_other(left: Arm, ik: IKService) -> None:
 
 @pytest.mark.parametrize("backend", [Backend.AUTO, Backend.CASADI])
 def test_every_pose_of_every_kind_is_solved(arm: Arm, backend: Backend) -> None:
-    """Uniform, at one to three joint limits, elbow straight, wrist singular."""
+    """Configurations: uniform, at one to three joint limits, elbow straight, wrist singular."""
     service = IKService(arm, backend)
     for qs in _kinds(arm, 300):
         results = service.solve_batch([arm.T_base_tip(q) for q in qs])

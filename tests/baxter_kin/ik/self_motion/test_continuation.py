@@ -82,7 +82,7 @@ def test_closed_curve_returns_to_its_start(left: Arm) -> None:
 
 
 def test_small_loop_closes(robot: Baxter, left: Arm) -> None:
-    """Next to a point that stands alone the curves are loops as small as one likes."""
+    """Next to an isolated point the curves are loops of any size."""
     q = singular_near(left, ALONE)
     curve = trace_self_motion(left, q + 1e-3 * np.linalg.svd(left.jacobian(q))[2][6])
     assert curve.is_closed
@@ -97,7 +97,7 @@ def test_piece_shorter_than_a_step_has_both_ends(robot: Baxter, left: Arm) -> No
 
 
 def test_piece_that_limits_cut_to_a_point_is_a_point(robot: Baxter, left: Arm) -> None:
-    """Joints that both leave their range, one each way."""
+    """Joints that leave their ranges, one below and one above."""
     tangent = np.linalg.svd(left.jacobian(left.start))[2][6]
     q_min, q_max = np.array(left.limits.q_min), np.array(left.limits.q_max)
     first, second = np.argsort(-np.abs(tangent))[:2]
@@ -254,7 +254,7 @@ def test_the_last_point_takes_the_place_of_one_that_it_coincides_with(start: Cur
 def test_a_limit_that_is_crossed_between_two_points_inside_ends_the_curve(
     robot: Baxter, left: Arm
 ) -> None:
-    """Of each joint, halfway between its highest at points and its highest in between."""
+    """Limits of each joint halfway between its maximum at points and its maximum in between."""
     whole = SolutionCurve(left, left.T_base_tip(CLOSED))
     start = whole.start(CLOSED)
     assert start is not None

@@ -25,7 +25,7 @@ def curve(arm: Arm) -> SolutionCurve:
 
 @pytest.fixture(scope="module")
 def points(arm: Arm, curve: SolutionCurve) -> CurvePoints:
-    """Of the self-motion of the demo's start pose."""
+    """The points of the self-motion of the demo's start pose."""
     start = curve.start(arm.start)
     assert start is not None
     return walk(curve, start)[0]
@@ -103,7 +103,7 @@ def test_coefficients_and_turning_points_are_those_of_the_cubic(
 
 
 def shifted(points: CurvePoints) -> FloatArray:
-    """Their configurations, those in the middle with a whole turn of a joint."""
+    """The configurations of points, those in the middle with a whole turn of a joint."""
     q, third = points.q.copy(), len(points) // 3
     q[third : 2 * third, 4] += 2.0 * math.pi
     return q

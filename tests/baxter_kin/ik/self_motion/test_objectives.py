@@ -30,7 +30,7 @@ LOCATED = 1e-9
 
 
 def objectives(arm: Arm, seed: int) -> list[Objective]:
-    """One of each kind."""
+    """One objective of each kind."""
     rng = np.random.default_rng(seed)
     return [
         NearestTo(arm.random_configuration(rng)),

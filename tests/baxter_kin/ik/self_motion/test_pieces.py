@@ -34,7 +34,7 @@ WITH_TINY_PIECE = [
 
 
 def pieces_of(arm: Arm, q: FloatArray) -> list[Piece]:
-    """Those of the loop through a configuration."""
+    """The pieces of the loop through a configuration."""
     solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
     return list(pieces_inside(solution_curve, loops_near(solution_curve, np.array([q]))))
 
@@ -56,7 +56,7 @@ def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
 
 
 def test_ends_of_pieces_agree_with_traced_curves(arm: Arm) -> None:
-    """Those traced with limits, and those cut out of the loop: on the same limits."""
+    """Pieces traced with limits, and pieces cut out of the loop, end on the same limits."""
     rng = np.random.default_rng(4)
     for _ in range(6):
         for piece in pieces_of(arm, arm.random_configuration(rng)):
@@ -92,7 +92,7 @@ def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
 
 
 def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
-    """Between the points of the loop, sampled closely; pieces begin and end where it is not."""
+    """Sampled closely between the points of the loop."""
     rng, checked = np.random.default_rng(8), 0
     for _ in range(5):
         q = arm.random_configuration(rng)
@@ -113,7 +113,7 @@ AT_LIMIT_RAD = 1e-3
 """Nearer to a limit, a sample may be taken for the end of a piece."""
 
 CUBIC_RAD = 2e-4
-"""How far the cubics of a piece may be from the curve; 7e-5 on these loops."""
+"""Allowed distance of the cubics of a piece from the curve; 7e-5 on these loops."""
 
 
 def holds(piece: Piece, q: FloatArray) -> bool:
@@ -187,7 +187,7 @@ def test_more_starts_find_nothing_more(ik: IKService) -> None:
 
 
 def test_pieces_belong_to_the_given_arm(robot: Any) -> None:
-    """Also of one whose joints are not where those of the stock robot are."""
+    """Also for an arm with other dimensions than the stock robot."""
     arm, rng = Arm("left", robot.model), np.random.default_rng(12)
     for i in range(1, 8):
         off = pin.exp6(np.concatenate([5e-3 * rng.uniform(-1, 1, 3), 1e-2 * rng.uniform(-1, 1, 3)]))
@@ -219,7 +219,7 @@ def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
 
 @pytest.mark.parametrize("held", [0, 2, 4])
 def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
-    """Of poses from configurations with so many joints at limits."""
+    """For poses of configurations with this many joints at limits."""
     for side, seed in (("left", 20), ("right", 21)):
         arm, rng = robot.arm(side), np.random.default_rng(seed)
         q = arm.random_configuration(rng)

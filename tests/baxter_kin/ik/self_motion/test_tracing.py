@@ -20,7 +20,7 @@ from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.validation import FloatArray
 
 EXACT = 1e-9
-"""In m and rad: what is asked of every pose on a curve."""
+"""Required accuracy of every pose on a curve, in m and rad."""
 
 SAME_CURVE_RAD = 1e-6
 """Distance of two curves traced from different points: the corrector's residual of 1e-12, divided
@@ -49,7 +49,7 @@ def curves(robot: Baxter) -> list[SelfMotion]:
 
 
 def pose_error(robot: Baxter, arm: Arm, q: FloatArray, T: pin.SE3) -> float:
-    """By Pinocchio on the full URDF, in m and rad, whichever is larger."""
+    """The error by Pinocchio on the full URDF, the larger of m and rad."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.configuration(arm.joints(q)))
     reached = data.oMf[robot.model.getFrameId(f"{arm.side}_gripper")]
@@ -58,7 +58,7 @@ def pose_error(robot: Baxter, arm: Arm, q: FloatArray, T: pin.SE3) -> float:
 
 
 def spread(curve: SelfMotion, count: int) -> list[FloatArray]:
-    """Configurations evenly along the curve."""
+    """Configurations evenly spaced along the curve."""
     return [curve.at(s) for s in np.linspace(0.0, curve.length_rad, count)]
 
 
@@ -70,7 +70,7 @@ def hausdorff_rad(a: SelfMotion, b: SelfMotion) -> float:
 
 
 def with_limits(arm: Arm, robot: Baxter, q_min: FloatArray, q_max: FloatArray) -> Arm:
-    """The same arm with other position limits, as far as its stops allow them."""
+    """The same arm with other position limits, within its stops."""
     low, high = np.maximum(q_min, arm.limits.q_min), np.minimum(q_max, arm.limits.q_max)
     return robot.arm(arm.side).with_limits(evolve(arm.limits, q_min=low, q_max=high))
 
