@@ -136,7 +136,7 @@ class Solver:
             return
         yield found
         Ts = T_base_tip.homogeneous[None]
-        if not self.explainer.are_out_of_reach_at_a_glance(Ts).any():
+        if not self.explainer.reach.are_outside_shells(Ts).any():
             for q_start in self.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
                 yield fast.search_one(q_start, T_base_tip)
 
@@ -220,17 +220,17 @@ class Batch:
 
         In between, poses that are proven out of reach are given up, by cheap proofs first.
         """
-        search, starts, explainer = solver.search, solver.starts, solver.explainer
-        self._give_up(explainer.are_out_of_reach_at_a_glance)
+        search, starts, reach = solver.search, solver.starts, solver.explainer.reach
+        self._give_up(reach.are_outside_shells)  # in microseconds
         poses = self._open()
         if poses.size:
             self._starts[poses, SeedType.NS_MAP] += MAP_STARTS
             self._take(poses, SeedType.NS_MAP, search.search_from_map(self._Ts[poses]))
-        self._give_up(explainer.are_clearly_out_of_reach)
+        self._give_up(partial(reach.are_proven, levels=1))  # in some ten microseconds each
         self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
-        self._give_up(explainer.are_out_of_reach)
+        self._give_up(reach.are_proven)  # in less than a millisecond each
         self._search_from_computed(starts.fine, search.fine_rounds, search)
-        self._give_up(explainer.are_beyond_limits)
+        self._give_up(reach.are_beyond_limits)  # in some milliseconds each
         self._search_from_everywhere(starts.scattered, search)
 
     def _search_from_computed(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from baxter_kin.frames import read_with_w_first
 from baxter_kin.hints import millimetres_hint
@@ -50,7 +49,11 @@ class BestAttempt:
 
 
 class Explainer:
-    """Finds reasons for one arm and tolerance."""
+    """Finds reasons for one arm and tolerance.
+
+    Attributes:
+        reach: proofs that poses are out of reach.
+    """
 
     def __init__(
         self, arm: Arm, search: Search, starts: NullSpaceMap, tolerance: Tolerance
@@ -58,26 +61,10 @@ class Explainer:
         self._arm = arm
         self._search = search
         self._starts = starts
-        self._reach = ReachBound(arm, tolerance)
+        self.reach = ReachBound(arm, tolerance)
         self._tolerance = tolerance
         self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
-
-    def are_out_of_reach_at_a_glance(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which poses, shape (m, 4, 4), are so far away that the proof takes microseconds."""
-        return self._reach.are_outside_shells(Ts)
-
-    def are_clearly_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of them are proven out of reach in some ten microseconds each."""
-        return self._reach.are_proven(Ts, 1)
-
-    def are_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of them are proven out of reach in less than a millisecond each."""
-        return self._reach.are_proven(Ts)
-
-    def are_beyond_limits(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of the others are proven out of reach by all joint limits, in milliseconds each."""
-        return self._reach.are_beyond_limits(Ts)
 
     def errors_in_neutral(self, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Errors of the neutral arm's tip for poses, shape (m, 4, 4): (m,), m, and (m,), rad."""
@@ -101,14 +88,14 @@ class Explainer:
         x, y, z = attempt.T[:3, 3]
         what = "position" if self._tolerance.is_position_only else "pose at"
         pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
-        proof = self._reach.proof(_se3(attempt.T))
+        proof = self.reach.proof(_se3(attempt.T))
         nearest_m = self._nearest_m(attempt)
         if proof is None and not attempt.starts:
             return IKFailure(
                 f"seed mode {mode_name} was requested, but no {mode_name} seed was given"
             )
         if proof is None and nearest_m is not None and nearest_m > NEAR_ENOUGH_M:
-            proof = self._reach.proof(_se3(attempt.T), is_thorough=True)
+            proof = self.reach.proof(_se3(attempt.T), is_thorough=True)
         if proof is None:
             return self._not_found(pose, attempt, nearest_m)
         reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
@@ -154,7 +141,7 @@ class Explainer:
             return ""
         meant = T.copy()
         meant[:3, :3] = read_with_w_first(T[:3, :3])
-        if self._reach.are_proven(meant[None])[0]:
+        if self.reach.are_proven(meant[None])[0]:
             return ""
         return (
             "; did its quaternion come with w first? It is read as x, y, z, w; with w first the "

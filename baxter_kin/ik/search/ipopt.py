@@ -95,6 +95,7 @@ class Program:
         """
         expect(arm, Arm, "arm", RequestError)
         expect(tolerance, Tolerance, "tolerance", RequestError)
+        expect(is_nearest, bool, "is_nearest", RequestError)
         if is_nearest and tolerance != EXACT:
             raise RequestError("the nearest position is that of an exact pose; omit the tolerance")
         kinematics = SymbolicArm.of(arm)

@@ -168,7 +168,7 @@ def explainer_of(arm: Arm, tolerance: Tolerance) -> Explainer:
 
 
 def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) -> None:
-    explainer, rng = explainer_of(left, EXACT), np.random.default_rng(6)
+    reach, rng = explainer_of(left, EXACT).reach, np.random.default_rng(6)
     Ts = np.array(
         [
             (
@@ -178,8 +178,8 @@ def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) 
             for _ in range(300)
         ]
     )
-    glance = explainer.are_out_of_reach_at_a_glance(Ts)
-    clearly, thoroughly = explainer.are_clearly_out_of_reach(Ts), explainer.are_out_of_reach(Ts)
+    glance = reach.are_outside_shells(Ts)
+    clearly, thoroughly = reach.are_proven(Ts, 1), reach.are_proven(Ts)
     assert 0 < glance.sum() < clearly.sum() < thoroughly.sum() < 300
     assert clearly[glance].all()
     assert thoroughly[clearly].all()
