@@ -15,6 +15,7 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import clear, count, millimetres, phrase, seconds, sentence
 from baxter_kin.errors import ConfigurationError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, evolve, field, frozen, sequence
+from baxter_kin.ik.result import checked_result
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import (
     FloatArray,
@@ -90,7 +91,7 @@ class Move:
     label: str
     trajectory: Trajectory
     T_base_tip: pin.SE3 | None = None
-    ik: IKResult | None = None
+    ik: IKResult | None = field(default=None, converter=checked_result)
     clearance: Clearance | None = None
     proof: ContinuousProof | None = None
     is_straight: bool = False
@@ -200,7 +201,7 @@ class PlanFailure:
 
     stage: str
     reason: str
-    ik: IKResult | None = None
+    ik: IKResult | None = field(default=None, converter=checked_result)
     tried: tuple[PlanFailure, ...] = ()
     is_certain: bool = False
     contact: ContinuousContact | None = None

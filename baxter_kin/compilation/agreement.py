@@ -1,8 +1,9 @@
-"""Compare a compiled library with CasADi's virtual machine.
+"""Comparison of a compiled library with CasADi's virtual machine, in a process of its own.
 
-As a program it does so in a process of its own, since rubbish can kill the interpreter that loads
-it: `python agreement.py LIBRARY FUNCTION...`, with the functions as CasADi saves them. Its exit
-status is 0 when all agree. It imports CasADi and NumPy only, so that it starts in half a second.
+A broken compiler may write a library that kills the interpreter that loads it, so a new library is
+loaded and tested by another process first: `python agreement.py LIBRARY FUNCTION...`, with the
+functions as CasADi saves them. The exit status is 0 when all agree. The program imports CasADi and
+NumPy only, so that it starts in half a second.
 """
 
 from __future__ import annotations
@@ -14,28 +15,23 @@ import casadi as ca
 import numpy as np
 
 AGREEMENT = 1e-9
-"""How far machine code may be from the virtual machine on `_PROBES` random inputs. Over 2,000
-searches both gave the same bits."""
+"""Allowed difference between machine code and virtual machine on `_PROBES` random inputs. Over
+2,000 searches both gave the same bits."""
 
 _PROBES = 5
 
 
-def loaded(functions: Sequence[ca.Function], library: str) -> tuple[ca.Function, ...] | None:
-    """The functions of a library; None when it lacks one, or computes something else.
-
-    Args:
-        functions: the same for the virtual machine.
-        library: a path. Its code is run, so it must not be rubbish.
-    """
+def agrees(functions: Sequence[ca.Function], library: str) -> bool:
+    """Whether a library contains these functions and computes the same."""
     try:
-        externals = tuple(ca.external(function.name(), library) for function in functions)
+        externals = [ca.external(function.name(), library) for function in functions]
     except RuntimeError:
-        return None
-    return externals if all(map(_agree, functions, externals)) else None
+        return False
+    return all(map(_agree, functions, externals))
 
 
 def _agree(function: ca.Function, external: ca.Function) -> bool:
-    """Whether both have the same shapes, and the same outputs for random inputs."""
+    """Whether both have inputs and outputs of the same shapes, and the same values."""
     shapes = _shapes(function)
     if shapes != _shapes(external):
         return False
@@ -50,11 +46,11 @@ def _agree(function: ca.Function, external: ca.Function) -> bool:
 
 
 def _shapes(function: ca.Function) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Shapes of its inputs and of its outputs."""
+    """Shapes of the inputs and of the outputs."""
     inputs = [function.size_in(i) for i in range(function.n_in())]
     return inputs, [function.size_out(i) for i in range(function.n_out())]
 
 
 if __name__ == "__main__":
     library, *saved = sys.argv[1:]
-    sys.exit(loaded([ca.Function.load(path) for path in saved], library) is None)
+    sys.exit(not agrees([ca.Function.load(path) for path in saved], library))

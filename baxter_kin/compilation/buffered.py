@@ -11,11 +11,11 @@ from baxter_kin.validation import FloatArray
 
 
 class BufferedFunction(threading.local):
-    """A function, and memory for one evaluation; each thread has its own.
+    """A function with memory for one evaluation; each thread has its own.
 
     Attributes:
-        inputs: memory of each input, a row for each of its columns.
-        outputs: memory of each output, a row for each of its columns.
+        inputs: memory of each input, one row for each of its columns.
+        outputs: memory of each output, one row for each of its columns.
         run: evaluates the function.
     """
 
@@ -29,9 +29,10 @@ class BufferedFunction(threading.local):
             self._buffer.set_res(i, array.data)  # type: ignore[call-arg]  # neither here
 
     def __call__(self, *rows: FloatArray) -> list[FloatArray]:
-        """Evaluate it: columns of inputs and outputs are given as rows, and outputs are copied.
+        """Evaluate the function; rows stand for columns of inputs and outputs.
 
-        If an input gets fewer rows than it has columns, the other columns keep their values.
+        An input with fewer rows than it has columns keeps the values of the other columns. The
+        outputs are copies.
         """
         for memory, given in zip(self.inputs, rows, strict=True):
             memory[: len(given)] = given

@@ -1,8 +1,8 @@
 """C compilers: those on PATH, and the one that the Python package `ziglang` contains.
 
-A compiler can be broken in three ways: it fails, it succeeds and writes rubbish, or it hangs. The
-first shows by itself; the caller tests the output. A hanging compiler is detected with one line of
-C, which takes a working one a fraction of a second.
+A compiler can be broken in three ways: it fails, it succeeds and writes rubbish, or it hangs. A
+failure has an exit status; the caller tests the output. A hanging compiler is detected with one
+line of C, which a working one compiles in a fraction of a second.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ COMPILERS = ("cc", "gcc", "clang")
 """Names on PATH, in the order of preference."""
 
 ZIG = (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-g0")
-"""Clang of the package `ziglang`. By default it would compile for this processor only."""
+"""Clang of the package `ziglang`; without `-mcpu` it would compile for this processor only."""
 
 FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
-"""Nothing tied to one processor, for home folders are shared between machines; strict IEEE."""
+"""Code for any processor, since home folders are shared between machines; strict IEEE."""
 
 ANSWER_S = 10.0
 """Time limit of a compiler on PATH for one line; it takes 0.05 s."""
 
 TIMEOUT_S = 180.0
-"""Time limit for an arm: `cc` takes 1 to 4 s, `ziglang` 10 to 17 s. Also for the first line that
-`ziglang` compiles, since it compiles its own library with it, which once took 9 s."""
+"""Time limit for the kernels of an arm: `cc` takes 1 to 4 s, `ziglang` 10 to 17 s. Also for the
+first line with `ziglang`, which compiles its own library as well, in 9 s at most so far."""
 
 _ONE_LINE = "double twice(double x) { return 2.0 * x; }\n"
 
@@ -44,8 +44,8 @@ class Compiler:
 
     Attributes:
         command: the program and its first arguments.
-        file: changes with the version.
-        answer_s: time limit for one line.
+        file: a file that changes with the version.
+        answer_s: time limit for one line of C.
     """
 
     command: tuple[str, ...]
@@ -57,18 +57,15 @@ class Compiler:
 
     @property
     def version_key(self) -> str:
-        """Differs between programs and versions; the same for all names of one program."""
+        """A key of program and version, the same for all names of one program."""
         status = self.file.stat()
         parts = os.path.realpath(self.file), status.st_mtime_ns, status.st_size
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
     def compile(self, source: str, folder: Path) -> Path:
-        """Compile C to a library in a folder, which must be this user's own.
+        """Compile C to a library in a folder that belongs to this user.
 
-        Raises:
-            OSError: when the compiler cannot be started.
-            subprocess.CalledProcessError: when it fails.
-            subprocess.TimeoutExpired: when it hangs.
+        A broken compiler raises as in `run_within`.
         """
         self._run(_ONE_LINE, folder / "line", self.answer_s)
         return self._run(source, folder / "kernel", TIMEOUT_S)
@@ -82,7 +79,7 @@ class Compiler:
 
 
 def compilers() -> tuple[Compiler, ...]:
-    """C compilers of this machine, which may be broken, in the order of preference."""
+    """The C compilers of this machine in the order of preference; they may be broken."""
     names = filter(None, map(shutil.which, COMPILERS))
     on_path = [Compiler((path,), Path(path), ANSWER_S) for path in map(os.path.abspath, names)]
     package = find_spec("ziglang")
@@ -99,20 +96,20 @@ def run_within(
 ) -> None:
     """Run a program, ignore its output, and wait for it to succeed.
 
-    It runs in a process group of its own, so that the processes that it has started end with it. A
-    process that leaves that group, as a daemon does, is not ended.
+    The program runs in a process group of its own, so that its child processes end with it, except
+    those that leave the group, as daemons do.
 
     Args:
         within_s: time limit.
         command: the program and its arguments.
         folder: the working directory. Others must not be able to write to it: Python, for one,
             imports from there.
-        environment: its variables; those of this process by default.
+        environment: environment variables; those of this process by default.
 
     Raises:
-        OSError: when it cannot be started.
+        OSError: when the program cannot be started.
         subprocess.CalledProcessError: when it fails.
-        subprocess.TimeoutExpired: when it takes longer.
+        subprocess.TimeoutExpired: when it takes longer than `within_s`.
     """
     process = subprocess.Popen(
         command,
@@ -125,7 +122,7 @@ def run_within(
     )
     try:
         status = process.wait(within_s)
-    except BaseException:  # Ctrl-C as well: the terminal does not reach that group
+    except BaseException:  # KeyboardInterrupt too: the terminal does not signal that group
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()

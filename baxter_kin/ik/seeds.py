@@ -1,8 +1,8 @@
-"""Seeds: where a search begins, and which of them led to a solution.
+"""Seeds: the configurations from which searches start.
 
-Modes, types, their numbers and labels are those of the service that this replaces (SolvePositionIK
-of the Rethink SDK 1.2). The null-space map of the real robot was never published; ours is the table
-in `setpoints.json`, which `scripts/build_setpoints.py` computes and explains.
+Modes, types, their numbers and labels are those of the service that this one replaces
+(SolvePositionIK of the Rethink SDK 1.2). The null-space map of the real robot was never published;
+ours is the table in `setpoints.json`, which `scripts/build_setpoints.py` computes and explains.
 """
 
 from __future__ import annotations
@@ -24,35 +24,31 @@ from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 
 FEATURE_WEIGHT_M = 0.3
-"""What rotation counts when poses are compared: metres per unit of the matrices' difference."""
+"""Weight of rotation in the comparison of poses: metres per unit of the matrices' difference."""
 
 PERTURBATION_RAD = 0.5
-"""Spread (sigma) of the further starts around a seed: wide enough to leave its basin."""
+"""Standard deviation of further starts around a seed: wide enough to leave its basin."""
 
 SEED_STARTS = 32
-"""Starts around a seed when it is the only seed allowed. Beside others it gets one: the null-space
-map, which is chosen by the pose, makes better restarts."""
+"""Starts around a seed if it is the only one allowed. Otherwise it gets one start, since the
+null-space map, which depends on the pose, gives better restarts."""
 
 MAP_STARTS = 20
-"""Setpoints tried, nearest first. They leave 3 of 1,000 uniform poses unsolved."""
+"""Number of setpoints tried, nearest first. They leave 3 of 1,000 uniform poses unsolved."""
 
 
 class SeedMode(IntEnum):
-    """Which seeds a request allows."""
+    """The seeds that a request allows."""
 
     AUTO = 0
-    """USER when given, then CURRENT when given, then NS_MAP, until one is valid."""
+    """USER if given, then CURRENT if given, then NS_MAP, until one leads to a solution."""
     USER = 1
     CURRENT = 2
     NS_MAP = 3
 
     @classmethod
     def of(cls, mode: object) -> SeedMode:
-        """The mode of that number.
-
-        Raises:
-            UnknownNameError: when there is none.
-        """
+        """The mode with a number; an `UnknownNameError` if there is none."""
         if not isinstance(mode, bool):
             with suppress(ValueError):
                 return cls(mode)  # type: ignore[arg-type]  # any object may come from outside
@@ -60,14 +56,14 @@ class SeedMode(IntEnum):
 
     @property
     def seed_types(self) -> tuple[SeedType, ...]:
-        """The types it tries, in order."""
+        """The types that it tries, in order."""
         if self is SeedMode.AUTO:
             return (SeedType.USER, SeedType.CURRENT, SeedType.NS_MAP)
         return (SeedType(self.value),)
 
 
 class SeedType(IntEnum):
-    """Which seed led to a solution."""
+    """The seed that led to a solution."""
 
     INVALID = 0
     USER = 1
@@ -76,7 +72,7 @@ class SeedType(IntEnum):
 
     @property
     def label(self) -> str:
-        """The words the original demo prints."""
+        """The words that the original demo prints."""
         return _LABELS[self]
 
 
@@ -89,12 +85,12 @@ _LABELS = {
 
 
 def starts_around(arm: Arm, q_seeds: FloatArray, count: int) -> Iterator[FloatArray]:
-    """The seeds themselves, then points scattered around them, the same ones every time.
+    """Starts at seeds, then at points scattered around them; the same ones every time.
 
     Args:
-        arm: whose limits the points stay inside.
+        arm: the arm, whose limits the points keep.
         q_seeds: shape (m, 7), rad.
-        count: how many starts each seed gets.
+        count: number of starts for each seed.
 
     Yields:
         Arrays of shape (m, 7), rad.
@@ -107,34 +103,34 @@ def starts_around(arm: Arm, q_seeds: FloatArray, count: int) -> Iterator[FloatAr
 
 
 class ComputedStarts(Protocol):
-    """What computes starts for poses."""
+    """Computes starts for poses."""
 
     def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """So many for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
+        """`count` starts for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
 
 
 class _ScatteredStarts:
-    """Starts all over the joint ranges, the same ones for every pose.
+    """Starts from all over the joint ranges, the same ones for every pose.
 
-    Computed starts crowd together where most of a pose's self-motion is nearly inside the limits;
-    these also find a single solution elsewhere, between several limits.
+    Computed starts are dense where most of a pose's self-motion is nearly inside the limits; these
+    also find an isolated solution elsewhere, between several limits.
     """
 
     def __init__(self, arm: Arm) -> None:
         self._limits = arm.limits
 
     def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """So many, uniform between the limits, for poses (m, 4, 4): shape (m, count, 7), rad."""
+        """`count` starts, uniform between the limits, for poses (m, 4, 4): (m, count, 7), rad."""
         rng, limits = np.random.default_rng(2), self._limits
         q = rng.uniform(limits.q_min, limits.q_max, (count, 7))
         return np.broadcast_to(q, (len(Ts), count, 7))
 
 
 class NullSpaceMap:
-    """Where an arm's searches start without a seed: stored configurations, and computed ones.
+    """The starts of an arm's searches without a seed: stored configurations and computed ones.
 
-    Both are chosen by the gripper's pose. Where a tolerance leaves freedom, or the tip is a tool's,
-    they are those for all gripper poses that would do, taken in turns.
+    Both depend on the pose of the gripper. With a tolerance, they are taken in turns from the
+    starts for a sample of the allowed gripper poses.
     """
 
     def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
@@ -147,7 +143,7 @@ class NullSpaceMap:
         return setpoint_table(self._arm.side)[1].clip(limits.q_min, limits.q_max)
 
     def nearest(self, Ts: FloatArray) -> Indices:
-        """The setpoints whose regions are nearest to any of the poses that would do, nearest first.
+        """The setpoints whose regions are nearest to any of the allowed poses, nearest first.
 
         Args:
             Ts: requested poses of the tip, shape (m, 4, 4).
@@ -164,22 +160,22 @@ class NullSpaceMap:
 
     @cached_property
     def coarse(self) -> ComputedStarts:
-        """Computes starts in a quarter of a millisecond."""
+        """Starts that take a quarter of a millisecond to compute."""
         return _StartsInTurns(ClosedForm(self._arm, turns=16, rolls=1), self._task)
 
     @cached_property
     def fine(self) -> ComputedStarts:
-        """Computes starts in one or two milliseconds: 0.07 rad apart in s0, all rolls."""
+        """Starts that take one or two milliseconds: 0.07 rad apart in s0, with all rolls."""
         return _StartsInTurns(ClosedForm(self._arm, turns=48, rolls=4), self._task)
 
     @cached_property
     def scattered(self) -> ComputedStarts:
-        """Has starts everywhere."""
+        """Starts from all over the joint ranges."""
         return _ScatteredStarts(self._arm)
 
 
 class _StartsInTurns:
-    """Computed starts for all poses that would do, taken in turns."""
+    """Computed starts for all allowed gripper poses, taken in turns."""
 
     def __init__(self, closed_form: ClosedForm, task: Task) -> None:
         self._closed_form, self._task = closed_form, task
@@ -195,7 +191,7 @@ class _StartsInTurns:
 
 @cache
 def setpoint_table(side: str) -> tuple[FloatArray, FloatArray]:
-    """Stored regions of poses and a configuration for each.
+    """Stored regions of poses with a configuration for each.
 
     Args:
         side: "left" or "right".
@@ -212,7 +208,7 @@ def setpoint_table(side: str) -> tuple[FloatArray, FloatArray]:
 
 
 def pose_features(Ts: FloatArray) -> FloatArray:
-    """Poses as points whose distances compare them, shape (m, 12), in metres.
+    """Poses as points whose Euclidean distances compare them, shape (m, 12), in metres.
 
     Args:
         Ts: matrices, shape (m, 4, 4).

@@ -1,14 +1,15 @@
-"""The IK service: requests in, results out, with the semantics of the service it replaces.
+"""The IK service, with the semantics of the service of the robot that it replaces.
 
-One request is a pose, an optional seed of the user's, the arm's current joint angles if known, and
-a seed mode. All are answered by `baxter_kin.ik.search.batch`, alone or many together; a single
-request is tried at once first, from its only seed and where the batch would begin.
+A request is a pose, optionally a seed of the user's and the arm's current joint angles, and a seed
+mode. `baxter_kin.ik.search.batch` solves requests, one or many together. A single request first
+gets a quick attempt: the first searches of a batch, without its arrays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -20,7 +21,7 @@ from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search.batch import Batch, Solver, Solvers
+from baxter_kin.ik.search.batch import Batch, Solver
 from baxter_kin.ik.search.search_function import SEED_TOLERANCE_RAD
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
@@ -35,15 +36,21 @@ SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""
 
 BLOCK = 4096
-"""Number of poses of a large batch that are solved together."""
+"""Number of poses of a large batch that are solved at a time."""
+
+MAX_SOLVERS = 16
+"""Number of tolerances whose solvers are kept."""
 
 MAX_POSES = 10_000_000
 """Maximum size of a batch, whose results are all kept in memory; a stream has no limit."""
 
+OBJECTIVE_STEP_RAD = 0.1
+"""Step along a self-motion curve of which only the best point is wanted, which is found exactly."""
+
 
 @dataclass(frozen=True, slots=True)
 class Requests:
-    """Poses, seeds and mode of one request, before they are checked."""
+    """Poses, seeds and mode of a request, before they are checked."""
 
     poses: list[Any]
     seeds: list[Any] | None
@@ -52,7 +59,7 @@ class Requests:
     first: int = 0  # index of the first pose, for error messages
 
     def blocks(self) -> Iterator[Requests]:
-        """The same, `BLOCK` at a time."""
+        """The same requests, `BLOCK` poses at a time."""
         for at in range(0, len(self.poses), BLOCK):
             part = slice(at, at + BLOCK)
             seeds = None if self.seeds is None else self.seeds[part]
@@ -88,7 +95,7 @@ def _checked_seed(arm: Arm, seed: SeedLike, what: str) -> FloatArray:
 
 
 def as_list(values: Iterable[Any], what: str) -> list[Any]:
-    """Poses or seeds of known number."""
+    """Poses or seeds as a list, if their number is known."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise RequestError(f"{what} must be a sequence, got {type(values).__name__}")
     if not isinstance(values, Sized):
@@ -98,24 +105,20 @@ def as_list(values: Iterable[Any], what: str) -> list[Any]:
         )
     if len(values) > MAX_POSES:
         raise RequestError(
-            f"{len(values)} {what} came; a batch takes up to {MAX_POSES}, solve_stream any number"
+            f"got {len(values)} {what}; a batch takes up to {MAX_POSES}, solve_stream any number"
         )
     return list(values)
-
-
-OBJECTIVE_STEP_RAD = 0.1
-"""Steps along a self-motion curve when only its best point is wanted, which is found exactly."""
 
 
 class IKService(OneLine):
     """Inverse kinematics for one arm.
 
-    The same request always gets the same answer from the same backend.
+    The same backend always gives the same result for the same request.
 
     Attributes:
-        arm: whose tip is placed.
+        arm: the arm whose tip is placed.
         backend: where its searches run.
-        search: what runs them for exact poses.
+        search: the search for exact poses.
     """
 
     def __init__(self, arm: Arm, backend: str | Backend = Backend.AUTO) -> None:
@@ -126,11 +129,13 @@ class IKService(OneLine):
 
         Raises:
             UnknownNameError: when there is no such backend.
+            RequestError: when `arm` is not an `Arm`.
         """
         self._wanted = Backend.of(backend)
         self.arm = expect(arm, Arm, "arm", RequestError)
-        self._solvers = Solvers(arm, self._wanted)
-        self.search = self._solvers.exact.search
+        self._exact = Solver(arm, self._wanted)
+        self._within = lru_cache(MAX_SOLVERS)(partial(Solver, arm, self._wanted))
+        self.search = self._exact.search
         self.backend = self.search.backend
 
     def __reduce__(self) -> tuple[type[IKService], tuple[Arm, Backend]]:
@@ -152,20 +157,20 @@ class IKService(OneLine):
         Args:
             T_base_tip: the pose as SE3 or 4 x 4 matrix seen from base, or a `StampedPose`.
             seed: the user's seed, by joint name or shape (7,), rad.
-            current: the arm's present joint angles, in the same forms.
+            current: the arm's current joint angles, in the same forms.
             mode: which seeds to try.
-            objective: what to make of the freedom that a seventh joint leaves: the solution is then
-                the best of all that reach the pose. Takes tens of milliseconds. Without one, it is
-                the first that was found, near its start.
-            scope: among which solutions the objective chooses: `Scope.ALL`, "all", which is the
-                default, or `Scope.CURVE`, "curve": those that the arm can move to from the first
-                that was found while the tip stays at the pose.
-            tolerance: what of the pose does not matter, or not exactly; the errors of the result
-                are what exceeds it.
+            objective: chooses the best of all solutions, since a seventh joint leaves one degree of
+                freedom. Takes tens of milliseconds. Without an objective, the result is the first
+                solution found, near its start.
+            scope: the solutions among which the objective chooses: `Scope.ALL`, "all", the default;
+                or `Scope.CURVE`, "curve": those that the arm can reach from the first solution
+                while the tip stays at the pose.
+            tolerance: allowed deviations from the pose; the errors of the result are by how much it
+                exceeds them.
 
         Returns:
-            A result; when no solution was found, one that says why. A mode whose seed was not given
-            also yields such a result.
+            A result, which states the reason if no solution was found. A mode whose seed was not
+            given also gives such a result.
 
         Raises:
             PoseError: when the pose is not a valid one.
@@ -173,8 +178,8 @@ class IKService(OneLine):
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or there is no such mode
                 or scope.
-            RequestError: when both an objective and a tolerance are given, or one of them is of
-                another class, or a scope comes without an objective.
+            RequestError: when both an objective and a tolerance are given, one of them is of
+                another class, or a scope is given without an objective.
         """
         if objective is not None and tolerance is not None:
             raise RequestError(
@@ -193,7 +198,7 @@ class IKService(OneLine):
     def _first(
         self, solver: Solver, T_base_tip: PoseLike, seed: Any, current: Any, mode: SeedMode
     ) -> IKResult:
-        """The first solution found, or the reason for failure."""
+        """The first solution found, or a result with the reason why there is none."""
         result = None
         if mode is SeedMode.AUTO and isinstance(T_base_tip, pin.SE3):
             if current is None:
@@ -206,9 +211,9 @@ class IKService(OneLine):
         return self._answers(solver, Requests([T_base_tip], seeds, current, mode))[0]
 
     def _solver(self, tolerance: Tolerance | None) -> Solver:
-        if tolerance is None:
-            return self._solvers.exact
-        return self._solvers.within(expect(tolerance, Tolerance, "tolerance", RequestError))
+        if tolerance is None or expect(tolerance, Tolerance, "tolerance", RequestError) == EXACT:
+            return self._exact
+        return self._within(tolerance)
 
     def solve_batch(
         self,
@@ -221,17 +226,17 @@ class IKService(OneLine):
         tolerance: Tolerance | None = None,
         progress: Callable[[int], object] | None = None,
     ) -> list[IKResult]:
-        """One result per pose, in order; no poses, no results.
+        """The results for many poses, in their order.
 
         Args:
             T_base_tips: poses, as for `solve`.
             seeds: one per pose, each a seed or None; or None for no seeds at all.
-            current: the arm's present joint angles, for all poses.
+            current: the arm's current joint angles, for all poses.
             mode: which seeds to try.
-            chain: whether each solution is the current joint angles of the next pose. Otherwise
-                every pose is answered on its own, and large batches use all cores.
-            tolerance: what of the poses does not matter, or not exactly.
-            progress: called with the number of poses solved since it was last called, such as the
+            chain: whether each solution becomes the current joint angles of the next pose.
+                Otherwise the poses are independent, and large batches use all cores.
+            tolerance: allowed deviations from the poses.
+            progress: called with the number of poses solved since the last call, such as the
                 `update` of a tqdm bar.
 
         Raises:
@@ -270,18 +275,18 @@ class IKService(OneLine):
         *,
         tolerance: Tolerance | None = None,
     ) -> Iterator[IKResult]:
-        """Results for poses that come one by one, in bounded memory however many there are.
+        """The results for a stream of poses, in bounded memory.
 
-        Wrap the result in tqdm to see its progress.
+        Wrap the result in tqdm to show its progress.
 
         Args:
             T_base_tips: poses, as for `solve`; they are read in blocks of `BLOCK`.
-            current: the arm's present joint angles, for all poses.
+            current: the arm's current joint angles, for all poses.
             mode: which seeds to try.
-            tolerance: what of the poses does not matter, or not exactly.
+            tolerance: allowed deviations from the poses.
 
         Raises:
-            RequestError: when the poses are no iterable, at once.
+            RequestError: immediately, when the poses are not iterable.
             BaxterError: as `solve`, when the pose is read.
         """
         if isinstance(T_base_tips, (str, bytes, Mapping)) or not isinstance(T_base_tips, Iterable):
@@ -303,6 +308,7 @@ class IKService(OneLine):
             q = best_on(curve, objective)
         else:
             q = best_of(all_pieces(arm, self.search, T_base_tip, step_rad, result.q), objective)
+        q.setflags(write=False)
         errors = EXACT.excess(T_base_tip, arm.T_base_tip(q))
         return IKResult(arm.joint_names, q, result.seed_type, *errors)
 

@@ -1,10 +1,10 @@
-"""The distinct ways to reach a pose: connected pieces of its self-motion.
+"""The distinct ways to reach a pose: the connected pieces of its self-motion.
 
-Two configurations of a pose are the same way of reaching it when the arm can move from one to the
-other with the tip at rest and every joint inside its limits: when one lies on the curve through the
-other. With the limits ignored, the pieces join to a few loops: 4 for 17 of 40 random poses of
-Baxter, 15 at most; at most 16 for any arm of seven joints (Burdick, "On the inverse kinematics of
-redundant manipulators", 1989). So one candidate leads to every piece of its loop, however small.
+Two configurations of a pose belong to the same piece if the arm can move from one to the other with
+the tip at rest and every joint inside its limits: if one lies on the curve through the other. With
+the limits ignored, the pieces join to a few loops: 4 for 17 of 40 random poses of Baxter, 15 at
+most; at most 16 for any arm of seven joints (Burdick, "On the inverse kinematics of redundant
+manipulators", 1989). So one candidate leads to every piece of its loop, however small.
 """
 
 from __future__ import annotations
@@ -26,7 +26,16 @@ from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, whole_scalar
 
 MAX_CANDIDATES = 2_000
-"""How many candidates may come, and so how many starts: a second or two of work."""
+"""Maximum number of candidates, and of starts: a second or two of work."""
+
+SLACK_RAD = 0.05
+"""How far outside the limits a nearly exact configuration may be to start a search."""
+
+MAX_TURNS = 10_000
+"""Maximum number of angles of s0: 0.4 mrad apart, a tenth of a second of work."""
+
+DIGITS = 4
+"""Samples that agree in so many digits of a radian count as equal."""
 
 
 def distinct_solutions(
@@ -38,25 +47,25 @@ def distinct_solutions(
 ) -> tuple[SelfMotion, ...]:
     """The distinct connected pieces of one pose's self-motion, found from candidates.
 
-    All pieces on which candidates lie, and all others of the same loops
+    These are all pieces that contain candidates, and all others of the same loops
     (`baxter_kin.ik.self_motion.continuation`); loops without a candidate are missed.
 
     Ordered by length, the longest first, then by the lowest joint values on them, joint by joint
-    from the shoulder: the same order whatever the order of the candidates.
+    from the shoulder. The order does not depend on that of the candidates.
 
     Args:
-        arm: whose joints move.
-        candidates: configurations that reach the pose inside the limits, shape (7,) each, rad; no
-            candidates, no pieces.
-        T_base_tip: the pose; without it, the one that the first candidate reaches.
+        arm: the arm.
+        candidates: configurations that reach the pose inside the limits, shape (7,) each, rad; may
+            be empty.
+        T_base_tip: the pose; by default the one that the first candidate reaches.
         step_rad: longest step along the curves.
 
     Raises:
         ConfigurationError: when a candidate has another shape, is not finite, is outside the limits
             or misses the pose by more than `POSE_MISMATCH`; by index.
-        RequestError: when the step is not allowed, candidates are no iterable or more than
-            `MAX_CANDIDATES`, or `arm` is no arm.
-        PoseError: when `T_base_tip` is no pose.
+        RequestError: when the step is not allowed, `candidates` is not iterable or has more than
+            `MAX_CANDIDATES` items, or `arm` is not an `Arm`.
+        PoseError: when `T_base_tip` is not a valid pose.
     """
     expect(arm, Arm, "arm", RequestError)
     step_rad = checked_step(step_rad)
@@ -78,24 +87,24 @@ def solutions(
     rng: np.random.Generator | None = None,
     step_rad: float = STEP_RAD,
 ) -> tuple[SelfMotion, ...]:
-    """The distinct ways to reach a pose; ordered as `distinct_solutions`.
+    """The distinct ways to reach a pose, in the order of `distinct_solutions`.
 
-    Found from a sweep of closed forms over s0 (`baxter_kin.ik.reach.closed_form`), which visits
-    all loops near the limits, and from random seeds besides. Nothing is found when the pose has no
+    They are found from a sweep of closed forms over s0 (`baxter_kin.ik.reach.closed_form`), which
+    visits all loops near the limits, and from random seeds. The result is empty if the pose has no
     solution.
 
     Args:
         ik: the service of the arm; its searches start from the random seeds, drawn uniformly inside
             the limits.
         T_base_tip: the pose.
-        starts: how many seeds.
-        rng: draws the seeds; without it, the same ones every time.
+        starts: number of seeds.
+        rng: draws the seeds; by default they are the same every time.
         step_rad: longest step along the curves.
 
     Raises:
-        RequestError: when `starts` is not a whole number from 1 to `MAX_CANDIDATES`, the step is
-            not allowed, or `ik` or `rng` is of another class.
-        PoseError: when `T_base_tip` is no pose.
+        RequestError: when `starts` is not an integer from 1 to `MAX_CANDIDATES`, the step is not
+            allowed, or `ik` or `rng` is of another class.
+        PoseError: when `T_base_tip` is not a valid pose.
     """
     step_rad = checked_step(step_rad)
     count = whole_scalar(starts, "starts", RequestError, least=1, most=MAX_CANDIDATES)
@@ -107,12 +116,12 @@ def solutions(
 
 
 def _listed(candidates: Iterable[ArrayLike]) -> list[ArrayLike]:
-    """All candidates, unless they are too many or never end."""
+    """The candidates as a list; refused if they are too many or never end."""
     if not isinstance(candidates, Iterable):
         raise RequestError(f"candidates must be an iterable, got {type(candidates).__name__}")
     given = list(islice(candidates, MAX_CANDIDATES + 1))
     if len(given) > MAX_CANDIDATES:
-        raise RequestError(f"at most {MAX_CANDIDATES} candidates may come, got more")
+        raise RequestError(f"at most {MAX_CANDIDATES} candidates are allowed, got more")
     return given
 
 
@@ -126,33 +135,24 @@ def _check_same_pose(solution_curve: SolutionCurve, candidates: list[FloatArray]
             )
 
 
-SLACK_RAD = 0.05
-"""How far outside the limits a nearly exact configuration may be to be worth a search."""
-
-MAX_TURNS = 10_000
-"""Angles of s0 that may be asked for: 0.4 mrad apart, and a tenth of a second."""
-
-DIGITS = 4
-"""Samples that agree in so many digits of a radian are the same."""
-
-
 def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) -> FloatArray:
-    """Solutions all over the solution set of a pose, one for each branch and angle of s0.
+    """A sample of the solution set of a pose: one solution for each branch and angle of s0.
 
-    Unlike `solutions`, which traces the set, this takes about two milliseconds and
-    tells nothing of how its members hang together.
+    Unlike `solutions`, which traces the set, this takes about two milliseconds and does not show
+    how the solutions are connected.
 
     Args:
         ik: the service of the arm.
         T_base_tip: the pose of its tip, as for `IKService.solve`.
-        turns: how many angles of s0 are tried, in equal steps over its range.
+        turns: number of angles of s0 that are tried, in equal steps over its range.
 
     Returns:
-        Shape (n, 7), rad; empty where none was found.
+        Shape (n, 7), rad; empty if none was found.
 
     Raises:
         PoseError: when the pose is not a valid one.
-        RequestError: when `turns` is not a whole number from 1 to `MAX_TURNS`, or `ik` no service.
+        RequestError: when `turns` is not an integer from 1 to `MAX_TURNS`, or `ik` is not an
+            `IKService`.
     """
     count = whole_scalar(turns, "turns", RequestError, least=1, most=MAX_TURNS)
     expect(ik, IKService, "ik", RequestError)

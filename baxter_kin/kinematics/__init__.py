@@ -1,1 +1,1 @@
-"""An arm's kinematics: by Pinocchio, in Denavit-Hartenberg parameters, as CasADi expressions."""
+"""Kinematics of an arm: by Pinocchio, as Denavit-Hartenberg parameters, as CasADi expressions."""

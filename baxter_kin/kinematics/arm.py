@@ -1,4 +1,4 @@
-"""One arm: joints, limits, forward kinematics, Jacobians (Pinocchio enters here)."""
+"""Arm: the joints, limits, forward kinematics and Jacobians of one arm (Pinocchio enters here)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 
 LIMBS = ("left", "right")
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
-"""The arm's joints from shoulder to wrist: two of the shoulder, two of the elbow, three wrist."""
+"""The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 _NEUTRAL = (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0)
 _LEFT_START = (
@@ -47,13 +47,13 @@ class Arm:
     Attributes:
         side: "left" or "right".
         joint_names: the seven names, shoulder first, such as "left_s0".
-        limits: what the joints may do: positions and velocities of the robot's URDF, or those of
+        limits: limits of the joints: positions and velocities of the robot's URDF, or those of
             `with_limits`.
         neutral: Rethink's neutral pose, shape (7,), rad.
-        start: where the pick-and-place demo starts, shape (7,), rad.
+        start: start of the pick-and-place demo, shape (7,), rad.
         tip_frame: the frame whose pose is controlled; "<side>_gripper" unless made by `with_tip`.
         model: the arm alone as a `pinocchio.Model`; the rest of the robot is locked.
-        chain: its joints, mounted on base.
+        chain: its joints, seen from base.
     """
 
     def __init__(self, side: str, robot_model: pin.Model) -> None:
@@ -77,7 +77,7 @@ class Arm:
 
     @property
     def limits(self) -> JointLimits:
-        """What the joints may do."""
+        """The limits of the joints."""
         return self._limits
 
     @limits.setter
@@ -89,7 +89,7 @@ class Arm:
 
     @property
     def gripper_frame(self) -> str:
-        """The link between the finger tips, which is the tip unless another was chosen."""
+        """The link between the finger tips, which is the default tip."""
         return f"{self.side}_gripper"
 
     @property
@@ -99,19 +99,19 @@ class Arm:
 
     @property
     def T_gripper_tip(self) -> pin.SE3:
-        """The tip seen from the gripper; exactly the identity unless another tip was chosen."""
+        """The tip seen from the gripper; exactly the identity for the default tip."""
         if self.tip_frame == self.gripper_frame:
             return pin.SE3.Identity()
         gripper = self.model.frames[self.model.getFrameId(self.gripper_frame)].placement
         return gripper.actInv(self.model.frames[self._tip_id].placement)
 
     def with_tip(self, tip: str | pin.SE3, name: str = "tool") -> Arm:
-        """The same arm with another tip, of which kinematics, IK and self-motion then speak.
+        """The same arm with another tip for kinematics, IK and self-motion.
 
         Args:
             tip: a frame of the last link, such as "left_hand" or "left_hand_camera", or the pose of
                 a tool's tip seen from the gripper.
-            name: what to call the frame of a tool.
+            name: the name of the frame of a tool.
 
         Raises:
             UnknownNameError: when the last link has no such frame.
@@ -131,14 +131,13 @@ class Arm:
         """The same arm with other limits, which IK, self-motion and planning then keep.
 
         For planning, put the arm into a robot:
-        `dataclasses.replace(robot, arms={**robot.arms, arm.side: arm})`. `verify` judges plans by
-        the limits of the robot's URDF.
+        `evolve(robot, arms={**robot.arms, arm.side: arm})`, with `baxter_kin.fields.evolve`.
+        `verify` checks plans by the limits of the robot's URDF.
 
         Args:
-            limits: of the seven joints of this arm, such as
-                `dataclasses.replace(arm.limits, q_max=...)` or `arm.limits.preset("safe")`. Ranges
-                may be narrower than those of the robot's URDF, but not wider, since there are the
-                stops of the joints.
+            limits: of the seven joints of this arm, such as `evolve(arm.limits, q_max=...)` or
+                `arm.limits.preset("safe")`. Ranges may be narrower than those of the robot's URDF,
+                but not wider, since the stops of the joints are there.
 
         Raises:
             LimitsError: when they are of another class or of other joints, or a range is wider.
@@ -146,7 +145,7 @@ class Arm:
         expect(limits, JointLimits, "limits", LimitsError)
         if limits.names != self.joint_names:
             raise LimitsError(
-                f"limits of the {self.side} arm are for {', '.join(self.joint_names)}; got some "
+                f"limits of the {self.side} arm are for {', '.join(self.joint_names)}; got limits "
                 f"for {shortened(', '.join(limits.names))}"
             )
         lowest, highest = self.model.lowerPositionLimit, self.model.upperPositionLimit
@@ -160,7 +159,7 @@ class Arm:
         return arm
 
     def _frame_of_hand(self, name: str) -> str:
-        """A frame that is fixed to the last link; the URDF ends most of their names in "_link"."""
+        """The full name of a frame of the last link; most of them end in "_link"."""
         for full in (name, f"{name}_link"):
             if full in self._hand_frames:
                 return full
@@ -252,7 +251,7 @@ def known_limb(side: object) -> str:
 
 
 def _frames_of_hand(robot_model: pin.Model, wrist_joint: str) -> tuple[str, ...]:
-    """The links that the last joint turns; not the fingers, which have joints of their own."""
+    """The links that the last joint turns, without the fingers, which have joints of their own."""
     last, link = robot_model.getJointId(wrist_joint), pin.FrameType.BODY
     frames = robot_model.frames
     return tuple(str(f.name) for f in frames if f.parentJoint == last and f.type == link)

@@ -1,9 +1,9 @@
-"""An arm's geometry as Denavit-Hartenberg parameters, read off its Pinocchio model.
+"""An arm's geometry as Denavit-Hartenberg parameters, computed from its Pinocchio model.
 
-Seven axes in space: joint i turns about the line through `o` along `z`, both seen from base at
-q = 0. Link i, between the axes of joints i and i + 1, is a length `a` along the axes' common normal
-`x = z_i x z_i+1` and a twist `alpha` about it; between the feet of two such normals on the axis of
-a joint in between lie an offset `d` along the axis and an angle `theta` about it (Denavit and
+An arm has seven axes in space: joint i turns about the line through `o` along `z`, both seen from
+base at q = 0. Link i, between the axes of joints i and i + 1, has a length `a` along the common
+normal of the axes, `x = z_i x z_i+1`, and a twist `alpha` about it; between the feet of two such
+normals on an axis are an offset `d` along the axis and an angle `theta` about it (Denavit and
 Hartenberg, "A kinematic notation for lower-pair mechanisms based on matrices", 1955):
 
 ```
@@ -11,8 +11,8 @@ T_base_tip(q) = T_base_first Rz(q_1) Tx(a_1) Rx(alpha_1)
                 Rz(q_2 + theta_1) Tz(d_1) Tx(a_2) Rx(alpha_2) ... Rz(q_7) T_last_tip
 ```
 
-Neighbouring axes of Baxter's arms are a quarter turn apart, give or take a calibration, so their
-normals are well defined, and the parameters change little when axes do.
+Neighbouring axes of Baxter's arms are at right angles up to a calibration, so their normals are
+well defined, and small changes of the axes change the parameters little.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import DescriptionError, RequestError
+from baxter_kin.errors import DescriptionError
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, expect
+from baxter_kin.validation import FloatArray
 
 MIN_TWIST_SINE = 0.5
-"""Neighbouring axes nearer to parallel than 30 degrees are no Baxter's."""
+"""Neighbouring axes of a Baxter are at least 30 degrees from parallel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +40,9 @@ class DHParameters:
         alpha_rad: their twists, shape (6,), in (0, pi).
         d_m: offsets along the five axes between links, shape (5,), m.
         theta_rad: angles about them at q = 0, shape (5,), in [-3 pi/2, pi/2).
-        T_base_first: the first axis: its z along the axis, its x along the first normal at q = 0.
-        T_last_tip: the tip seen from the last axis: z along it, origin where the last normal ends.
+        T_base_first: the frame of the first axis: z along it, x along the first normal at q = 0.
+        T_last_tip: the tip seen from the frame of the last axis: z along it, origin at the end of
+            the last normal.
     """
 
     a_m: FloatArray
@@ -53,8 +54,7 @@ class DHParameters:
 
     @classmethod
     def of(cls, arm: Arm) -> DHParameters:
-        """Read them off the model of an arm."""
-        expect(arm, Arm, "arm", RequestError)
+        """The parameters of an arm; axes that cannot be a Baxter's are refused."""
         z, o = _axes(arm)
         normals = np.cross(z[:-1], z[1:])
         sines = np.linalg.norm(normals, axis=1)
@@ -77,7 +77,7 @@ class DHParameters:
 
 
 def _axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
-    """Directions and points of the joints' axes at q = 0, seen from base, each shape (7, 3)."""
+    """Directions of the joints' axes and points on them at q = 0, from base, each shape (7, 3)."""
     model, data = arm.model, arm.model.createData()
     if model.nq != 7 or model.nv != 7:
         raise DescriptionError(f"the {arm.side} arm has {model.nv} degrees of freedom, not 7")
@@ -86,14 +86,14 @@ def _axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
     for i in range(7):
         here = pin.getJointJacobian(model, data, i + 1, pin.ReferenceFrame.LOCAL)[:, i]
         if np.abs(here[:3]).max() > 0.0 or not math.isclose(np.linalg.norm(here[3:]), 1.0):
-            raise DescriptionError(f"{arm.joint_names[i]} is no revolute joint")
+            raise DescriptionError(f"{arm.joint_names[i]} is not a revolute joint")
         z[i] = data.oMi[i + 1].rotation @ here[3:]
         o[i] = data.oMi[i + 1].translation
     return z, o
 
 
 def _feet(z: FloatArray, o: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the common normals leave an axis and arrive at the next, and how long they are."""
+    """The feet of the common normals on an axis and on the next, and their lengths."""
     leaving, arriving, lengths = np.empty((6, 3)), np.empty((6, 3)), np.empty(6)
     for i in range(6):
         ways = np.stack([z[i], -z[i + 1], x[i]], axis=1)

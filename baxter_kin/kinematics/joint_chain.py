@@ -1,4 +1,4 @@
-"""Chains of joints: where all of them are at many configurations at once."""
+"""Chains of joints: poses of all joints at many configurations at once."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from baxter_kin.validation import FloatArray
 
 
 class JointChain:
-    """A chain of n revolute joints, or several chains side by side with n joints in all.
+    """A chain of n revolute joints, or several parallel chains with n joints in total.
 
     Attributes:
         T_parent_joints: poses of the joints at zero, each seen from the one before, shape
             (n, 4, 4).
-        axes: of each joint in its own frame, unit vectors, shape (n, 3).
+        axes: unit vectors along the joints' axes in their own frames, shape (n, 3).
     """
 
     def __init__(
         self, T_parent_joints: FloatArray, axes: FloatArray, first: Sequence[int] = (0,)
     ) -> None:
-        """By the poses of the joints at zero, each seen from the one before, shape (n, 4, 4).
+        """Store the joints.
 
-        `first` are the joints that follow none, but begin a chain.
+        Args:
+            T_parent_joints: as of the class.
+            axes: as of the class.
+            first: indices of the joints that begin a chain.
         """
         self.T_parent_joints, self.axes = T_parent_joints, axes
         self._followers = [joint for joint in range(len(axes)) if joint not in first]
@@ -35,14 +38,14 @@ class JointChain:
 
     @classmethod
     def of(cls, model: pin.Model) -> JointChain:
-        """The joints of a Pinocchio model, each of which turns and follows the one before."""
+        """The joints of a Pinocchio model, which must be revolute and follow each other."""
         placements = [T.homogeneous for T in model.jointPlacements[1:]]
         axes = [np.ravel(joint.S)[3:] for joint in model.createData().joints[1:]]
         return cls(np.array(placements), np.array(axes))
 
     @classmethod
     def side_by_side(cls, chains: Sequence[JointChain]) -> JointChain:
-        """Simple chains that are mounted on the same thing."""
+        """Several simple chains as parallel chains on the same mount."""
         first = np.cumsum([0, *(len(chain.axes) for chain in chains[:-1])])
         placements, axes = ([getattr(c, x) for c in chains] for x in ("T_parent_joints", "axes"))
         return cls(np.concatenate(placements), np.concatenate(axes), first.tolist())
@@ -50,8 +53,8 @@ class JointChain:
     def poses(self, qs: FloatArray) -> FloatArray:
         """Poses of the joints at configurations, shape (m, n), rad: shape (m, n, 4, 4).
 
-        Seen from where the first of each chain is mounted. What Pinocchio gives one configuration
-        at a time; rotations by the formula of Rodrigues.
+        They are seen from the mount of each chain. Pinocchio computes the same for one
+        configuration at a time; here, rotations follow from Rodrigues' formula.
         """
         sine, versine = np.sin(qs)[..., None, None], (1.0 - np.cos(qs))[..., None, None]
         turns = np.zeros((*qs.shape, 4, 4))

@@ -1,6 +1,6 @@
-"""Loads Pinocchio, or says what the system lacks for it.
+"""Imports Pinocchio, or raises an error that names the missing system library.
 
-Pinocchio's wheel leaves one library to the system, the OpenMP runtime of GCC, which a minimal
+The wheel of Pinocchio needs one library of the system, the OpenMP runtime of GCC, which a minimal
 system does not have. Import this module before any other that imports Pinocchio.
 """
 
@@ -11,7 +11,7 @@ from baxter_kin.errors import MissingLibraryError
 OPENMP = "libgomp.so.1"
 
 try:
-    import pinocchio  # noqa: F401 - only whether it loads is asked
+    import pinocchio  # noqa: F401 - only to check that it loads
 except ImportError as cause:
     if OPENMP not in str(cause):
         raise

@@ -1,9 +1,9 @@
 """The arm's kinematics as CasADi expressions (CasADi enters here).
 
-Built from Denavit-Hartenberg parameters (`baxter_kin.kinematics.dh_parameters`), because the wheel
-of Pinocchio carries no `pinocchio.casadi`. The parameters are numbers, or symbols for which the
-numbers of any arm are put in later. Both agree with Pinocchio to rounding, which the tests check at
-random configurations.
+They are built from Denavit-Hartenberg parameters (`baxter_kin.kinematics.dh_parameters`), because
+the wheel of Pinocchio has no `pinocchio.casadi`. The parameters are numbers, or symbols for the
+numbers of any arm. Both agree with Pinocchio up to rounding, which the tests check at random
+configurations.
 """
 
 from __future__ import annotations
@@ -22,13 +22,20 @@ from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.validation import FloatArray, Indices
 
 RIGHT_ANGLE = 1e-10
-"""Geometry this close to right angles and intersecting axes, in rad and m, is taken for them: URDFs
-write angles with eleven digits, which moves the tip by 2e-11 m."""
+"""Tolerance of right angles and intersecting axes, in rad and m: URDFs write angles with eleven
+digits, which moves the tip by 2e-11 m."""
 
 QUARTERS = (-1, -2, -2, -2, -2)
 """The angles between the normals of a Baxter's links at q = 0, in quarter turns."""
 
-_A, _COS, _SIN, _D, _THETA, _TIP = 0, 6, 12, 18, 23, 28  # where each begins among 31 numbers
+_A, _COS, _SIN, _D, _THETA, _TIP = (
+    0,
+    6,
+    12,
+    18,
+    23,
+    28,
+)  # indices among 31 numbers
 _COUNT = 31
 _NOMINAL = np.zeros(_COUNT)
 _NOMINAL[_SIN:_D] = 1.0
@@ -36,28 +43,28 @@ _NOMINAL.setflags(write=False)
 
 
 class Shape(Enum):
-    """Which of an arm's dimensions can be other than nominal."""
+    """The dimensions of an arm that may differ from nominal ones."""
 
     SQUARE = (_A, _A + 2, _A + 4, _D + 1, _D + 3, _TIP + 2)
-    """Right angles between axes as Baxter is drawn: lengths along them only, and the tip's."""
+    """Right angles between axes, as Baxter is drawn: only lengths along them, and the tip's."""
     GENERAL = tuple(range(_COUNT))
-    """All, as calibration leaves them."""
+    """All dimensions, as of a calibrated arm."""
 
     @classmethod
     def of(cls, dimensions: FloatArray) -> Shape:
-        """The simplest that an arm of these dimensions has."""
+        """The simplest shape of an arm with some dimensions."""
         off = np.abs(dimensions - _NOMINAL)
         off[list(cls.SQUARE.value)] = 0.0
         return cls.SQUARE if off.max() <= RIGHT_ANGLE else cls.GENERAL
 
     @property
     def free(self) -> Indices:
-        """Where the dimensions stand that it leaves open."""
+        """The indices of the dimensions that the shape leaves open."""
         return np.array(self.value)
 
 
 def dimensions_of(dh: DHParameters) -> FloatArray:
-    """What the chain between first and last axis is made of, shape (31,), m and rad.
+    """The dimensions of the chain between first and last axis, shape (31,), m and rad.
 
     `a` (6), cosines and sines of `alpha` (6 and 6), `d` (5), `theta` less `QUARTERS` (5), and the
     tip's position seen from the last axis (3).
@@ -71,18 +78,18 @@ def dimensions_of(dh: DHParameters) -> FloatArray:
 class SymbolicChain:
     """The joints of an arm seen from one of its links, in closed form.
 
-    Seen from a link along the chain the formulas are shorter than from the first axis, for each
-    joint depends only on those between. Link 0 is the first axis, which stands still, and link i
-    turns with the joint i, its z along that joint's axis.
+    From a link within the chain the formulas are shorter than from the first axis, since each joint
+    depends only on those in between. Link 0 is the first axis, which does not move; link i turns
+    with joint i, its z along that joint's axis.
 
     Attributes:
         q: the joint symbols, 7 x 1, rad.
         dimensions: the symbols among `dimensions_of`, n x 1.
         R_link_first: rotation of the first axis (`DHParameters.T_base_first`), 3 x 3.
         p_link_first: position of the first axis, 3 x 1, m.
-        R_link_last: rotation of the last axis (as `T_last_tip` counts from), 3 x 3.
-        p_link_last: position of the last axis, where its normal with the one before ends, 3 x 1, m.
-        p_last_tip: the tip seen from there, 3 x 1, m.
+        R_link_last: rotation of the last axis (as in `DHParameters.T_last_tip`), 3 x 3.
+        p_link_last: position of the last axis, at the end of the last normal, 3 x 1, m.
+        p_last_tip: the tip seen from the last axis, 3 x 1, m.
         axes: the joints' axes of rotation, each 3 x 1.
         origins: points on these axes, each 3 x 1, m.
     """
@@ -99,12 +106,12 @@ class SymbolicChain:
 
     @classmethod
     def of_shape(cls, shape: Shape, link: int = 0) -> SymbolicChain:
-        """The chain of any arm of a shape, its dimensions being symbols.
+        """The chain of any arm of a shape, with symbols as dimensions.
 
         Args:
-            shape: which dimensions there are.
-            link: 0 for the first axis, else the link that follows that many joints and turns with
-                the last.
+            shape: determines the dimensions.
+            link: 0 for the first axis, else the link after that many joints, which turns with the
+                last of them.
         """
         symbols = ca.SX.sym("dimensions", len(shape.value))
         values = [ca.SX(number) for number in _NOMINAL.tolist()]
@@ -142,54 +149,33 @@ class SymbolicChain:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicArm:
-    """Forward kinematics and Jacobian of an arm's tip, in closed form.
+    """Forward kinematics of an arm's tip, in closed form.
 
     Attributes:
         q: the joint symbols, 7 x 1, rad.
         p_base_tip: position of the tip, 3 x 1, m.
         R_base_tip: rotation of the tip, 3 x 3.
         quat_xyzw: the same rotation as a unit quaternion, 4 x 1; smooth in `q`, of either sign.
-        J: geometric Jacobian, 6 x 7, linear first, axes of base, at the tip.
     """
 
     q: ca.SX
     p_base_tip: ca.SX
     R_base_tip: ca.SX
     quat_xyzw: ca.SX
-    J: ca.SX
 
     @classmethod
     def of(cls, arm: Arm) -> SymbolicArm:
-        """Build the expressions for one arm."""
+        """The expressions for one arm."""
         dh = DHParameters.of(arm)
         chain, base = SymbolicChain.of(dh), dh.T_base_first
         R_base = ca.SX(base.rotation)
         p = chain.p_link_last + chain.R_link_last @ chain.p_last_tip
-        columns = [
-            R_base @ ca.horzcat(ca.cross(axis, p - origin), axis)
-            for axis, origin in zip(chain.axes, chain.origins, strict=True)
-        ]
         return cls(
             q=chain.q,
             p_base_tip=R_base @ p + ca.SX(base.translation),
             R_base_tip=R_base @ chain.R_link_last @ ca.SX(dh.T_last_tip.rotation),
             quat_xyzw=_quaternion(dh, chain.q),
-            J=ca.horzcat(*map(ca.vec, columns)),
         )
-
-    def pose_function(self) -> ca.Function:
-        """`q -> (p_base_tip, R_base_tip)` as a CasADi function."""
-        return ca.Function(
-            "pose",
-            [self.q],
-            [self.p_base_tip, self.R_base_tip],
-            ["q"],
-            ["p_base_tip", "R_base_tip"],
-        )
-
-    def jacobian_function(self) -> ca.Function:
-        """`q -> J` as a CasADi function."""
-        return ca.Function("jacobian", [self.q], [self.J], ["q"], ["J"])
 
 
 def quaternion_product(a_xyzw: ca.SX, b_xyzw: ca.SX) -> ca.SX:
@@ -201,7 +187,7 @@ def quaternion_product(a_xyzw: ca.SX, b_xyzw: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, slots=True)
 class _Joint:
-    """A joint: its turn `Rz(q + theta) Tz(d)` after the link `Tx(a) Rx(alpha)` that leads to it."""
+    """A joint: its turn `Rz(q + theta) Tz(d)` after the link `Tx(a) Rx(alpha)` before it."""
 
     a: ca.SX
     twist: ca.SX
@@ -210,7 +196,7 @@ class _Joint:
 
     @classmethod
     def of(cls, values: Sequence[ca.SX], i: int, angle: ca.SX) -> _Joint:
-        """The joint of that number, from 0; the first has no link, the first and last no `d`."""
+        """The joint with an index from 0; the first has no link, the first and last no `d`."""
         a, twist, d, quarters = ca.SX(1, 1), ca.SX.eye(3), ca.SX(1, 1), 0
         if i > 0:
             a = ca.sparsify(values[_A + i - 1])

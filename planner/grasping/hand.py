@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.description.calibration import finger_joints
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import frozen
 from baxter_kin.frames import PoseLike, checked_pose

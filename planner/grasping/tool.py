@@ -5,8 +5,7 @@ from __future__ import annotations
 import pinocchio as pin
 
 from baxter_kin import Tool
-from baxter_kin.description.calibration import origin_of
-from baxter_kin.description.urdf import ShapeKind, UrdfShape
+from baxter_kin.description.urdf import ShapeKind, UrdfShape, origin_of
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import expect
 from planner.errors import SceneError

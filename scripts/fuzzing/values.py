@@ -159,7 +159,6 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
 TAKEN_FROM = MappingProxyType(
     {
         "baxter_kin.ik.SelfMotion": "SelfMotion",
-        "baxter_kin.IKResult": "IKResult",
         "planner.Hand": "Hand",
         "planner.MotionCertificate": "MotionCertificate",
         "planner.PolynomialMotion": "PolynomialMotion",

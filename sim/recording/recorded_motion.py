@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from baxter_kin import IKResult
 from baxter_kin.display import count, phrase, quoted, seconds, side_of
 from baxter_kin.fields import array, field, frozen, scalar
+from baxter_kin.ik.result import checked_result
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray, expect_all
 from planner import Move, Trajectory
@@ -51,7 +52,7 @@ class RecordedMove:
     start_s: float = scalar()
     label: str
     trajectory: Trajectory
-    ik: IKResult | None = None
+    ik: IKResult | None = field(default=None, converter=checked_result)
     contacts: tuple[Contact, ...] | None = field(default=None, converter=_contacts)
 
     def __attrs_post_init__(self) -> None:

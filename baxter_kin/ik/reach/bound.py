@@ -1,54 +1,77 @@
-"""Proofs that a pose is out of an arm's reach: sound geometry, by how far, and from which bound.
+"""Proofs that a pose is out of an arm's reach, with a lower bound on the distance and its cause.
 
-A proof never errs: a pose that the arm reaches inside its limits has none. The converse does not
-hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.reach.linkage`):
+A proof is never wrong: a pose that the arm reaches inside its limits has none. The converse does
+not hold; None has no meaning. The bounds are, cheapest first (letters as in
+`baxter_kin.ik.reach.linkage`):
 
-- *span, fold*: the pose fixes the wrist W, and |W - S| lies between the lengths that upper arm and
-  forearm span straight and fully bent (`Shells`).
-- *shoulder, wrist*: no angle of s0 leaves s1, e1 and w1 inside their limits (`ShoulderSweep`).
-- *limits*: no angles of s0 and w0 leave all joints inside their limits (`PoseSweep`).
+- *span, fold* (`Shells`): the pose determines the wrist W, and |W - S| lies between the lengths
+  that upper arm and forearm span straight and fully bent, for S anywhere on its arc about the s0
+  axis.
+- *shoulder, wrist* (`ShoulderSweep`): no angle of s0 leaves s1, e1 and w1 inside their limits.
+- *limits* (`PoseSweep`): no angles of s0 and w0 leave all joints inside their limits.
 
-For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
-For a pose that may be turned a little, the wrist keeps *span* and *fold*, less how far it can get.
-Collisions play no part.
-
-*Span and fold* (`Shells`): |W - S| lies between the lengths that upper arm and forearm span
-straight and fully bent, and the tip is at most a hand farther, for S anywhere on its arc about the
-s0 axis.
+For a position in any orientation, the tip takes the place of the wrist, at most a hand farther, and
+only the outer bounds remain. For a pose with a tolerance on its rotation, *span* and *fold* hold
+for the wrist, less the distance by which the rotation can move it. Collisions are not considered.
 
 *Positions* (`PositionSweep`): let v be the point seen from S. For one angle of s0, the elbow lies
-on the sphere of radius |E - S| about S, within `elbow_angle` of the arc that s1 lets u sweep in the
-vertical plane of s0. The tip is at most `tip_distance_m(0)` from the elbow. So v is out of reach by
-its distance from that part of the sphere less that length. Turning s0 by an angle moves v, seen
-from the arm, by no more than the angle times the point's distance from the s0 axis: evaluated at
-the middles of cells, less that slack, the distance holds for all angles.
+on the sphere of radius |E - S| about S, within `elbow_angle` of the arc that u sweeps with s1 in
+the vertical plane of s0. The tip is at most `tip_distance_m(0)` from the elbow. So the distance of
+v from that part of the sphere, less that length, is a lower bound on its distance from the reach.
+Turning s0 by an angle moves v, seen from the arm, by at most the angle times the point's distance
+from the s0 axis: evaluated at the middles of cells, less that slack, the bound holds for all
+angles.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from baxter_kin.errors import PoseError
+from baxter_kin.fields import evolve
 from baxter_kin.ik.reach.linkage import FAR_M, Linkage
 from baxter_kin.ik.reach.pose_sweep import MAX_SURVIVORS, MAX_SURVIVORS_IF_THOROUGH, PoseSweep
 from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M, Flags, ShoulderSweep
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import JOINTS, Arm
-from baxter_kin.validation import FloatArray, finite_array
+from baxter_kin.validation import FloatArray
 
 CELLS, SPLIT, LEVELS = 32, 8, 3
-"""The s0 range starts as 32 cells; those that could still hold the least distance are split in
+"""The range of s0 starts as 32 cells; those that may contain the smallest distance are split in
 eight, down to 1.7 mrad."""
+
+_OF_POSES = {
+    "span": "{excess} beyond the {length_m:.3f} m that upper arm and forearm span from {s1}",
+    "fold": "{excess} inside the {length_m:.3f} m that the wrist keeps from {s1} with {e1} fully "
+    "bent",
+    "shoulder": "at least {excess} from where the limits of {s0}, {s1} and {e1} let the wrist go",
+    "wrist": "at least {excess} from where {w1} can hold the tool in this orientation with {s0}, "
+    "{s1} and {e1} inside their limits",
+    "limits": "at least {excess} from where the limits of all joints together let the tool be in "
+    "this orientation",
+}
+
+_OF_POSITIONS = {
+    "span": "{excess} beyond the {length_m:.3f} m that the straight arm spans from {s1}",
+    "shoulder": "{excess} beyond the {length_m:.3f} m that forearm and hand span from where {s0} "
+    "and {s1} let the elbow go",
+}
+
+RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
+"""Distances that the sweeps can prove; the largest that holds is reported."""
+
+DECISION_LEVELS, MEASURE_LEVELS = 5, 1
+"""Numbers of cell sizes in the sweep: to decide, down to 0.1 mrad; to measure, only one."""
+
+_COAXIAL = 1e-9  # tolerance (m, and of a unit vector) of an axis that is the last joint's
 
 
 class PositionSweep:
-    """The sweep for one arm."""
+    """The sweep over s0 for positions of one arm's tip."""
 
     def __init__(self, linkage: Linkage) -> None:
         self._arm = linkage
@@ -59,7 +82,7 @@ class PositionSweep:
         self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
 
     def excess_m(self, point: FloatArray) -> float:
-        """A lower bound on how far the tip stays from a point; negative when nothing is proved.
+        """A lower bound on the distance of the tip from a point; negative if nothing is proven.
 
         Args:
             point: seen from the first axis, shape (3,), m; finite.
@@ -97,13 +120,13 @@ class PositionSweep:
 
 
 class Shells:
-    """The lengths of one arm, and what they leave out; excesses are lower bounds.
+    """Bounds by the lengths of one arm; excesses are lower bounds.
 
     Attributes:
-        span_m: from S to W with the arm straight, the deviation from the linkage included.
-        fold_m: the same fully bent, less the deviation.
-        radius_m: from S to the tip with the arm straight, the deviation included.
-        tip_reach_m: from E to the tip with forearm and hand straight, the deviation included.
+        span_m: |W - S| with the arm straight, plus the deviation from the linkage.
+        fold_m: the same fully bent, minus the deviation.
+        radius_m: |tip - S| with the arm straight, plus the deviation.
+        tip_reach_m: |tip - E| with forearm and hand straight, plus the deviation.
     """
 
     def __init__(self, linkage: Linkage) -> None:
@@ -122,21 +145,21 @@ class Shells:
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
     def wrist_excess_m(self, wrists: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far wrists, (m, 3), lie beyond the span, and how far inside the fold, (m,) each."""
+        """Distances of wrists, (m, 3), beyond the span, and inside the fold, (m,) each."""
         near, far = self._distances(wrists)
         return near - self._span_m - self._wrist_margin_m, self._fold_m - far - self._wrist_margin_m
 
     def tip_excess_m(self, point: FloatArray) -> float:
-        """How far a tip, (3,), lies beyond the straight arm."""
+        """Distance of a tip, (3,), beyond the straight arm."""
         nearest_m = float(self._distances(point[None])[0][0])
         return nearest_m - self._radius_m - self._tip_margin_m
 
     def elbow_excess_m(self, point: FloatArray) -> float:
-        """How far a tip, (3,), lies beyond forearm and hand from where s0 and s1 let E go."""
+        """Distance of a tip, (3,), beyond forearm and hand from the places that E can reach."""
         return self._position_sweep.excess_m(point) - self._tip_margin_m
 
     def _distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
+        """The smallest and the largest distance of points, (m, 3), from S over all angles of s0.
 
         The distance grows with the angle between `radial` and the point's azimuth, up to half a
         turn, so that each extreme lies at an end of the range or where that angle is 0 or pi.
@@ -157,12 +180,12 @@ class Shells:
 
 @dataclass(frozen=True, slots=True)
 class ReachProof:
-    """That a pose is out of reach, and why; `str()` of it is the clause in words.
+    """A proof that a pose is out of reach; `str()` of it is a clause.
 
     Attributes:
-        excess_m: a lower bound, above zero, on how far the pose must be moved, keeping its
-            orientation, before the arm reaches it. For a position: in any orientation.
-        bound: what it follows from: "span", "fold", "shoulder", "wrist" or "limits".
+        excess_m: a lower bound, above zero, on the distance by which the pose must be moved,
+            keeping its orientation, before the arm reaches it. For a position: in any orientation.
+        bound: the bound that it uses: "span", "fold", "shoulder", "wrist" or "limits".
         text: a clause with numbers, such as "12 mm beyond the 0.745 m that upper arm and forearm
             span from left_s1, with the wrist at (1.021, 0.305, 0.214) m".
     """
@@ -175,7 +198,7 @@ class ReachProof:
         return self.text
 
     def less(self, leeway_m: float) -> ReachProof | None:
-        """What is left of it where the pose may give way by so much; None when nothing is."""
+        """The proof for a pose that may be moved by a distance; None if nothing is proven then."""
         if leeway_m == 0.0:
             return self
         if self.excess_m <= leeway_m:
@@ -190,45 +213,27 @@ class ReachProof:
         excess_m: float,
         wrist: FloatArray,
         names: Mapping[str, str],
-        most_m: float = 0,
+        length_m: float = 0.0,
     ) -> ReachProof:
-        """The proof that a bound gives for a pose.
+        """The proof by a bound for a pose.
 
         Args:
             bound: its name.
-            excess_m: by how far.
-            wrist: where the pose puts it, seen from base, shape (3,), m.
+            excess_m: as of the proof.
+            wrist: position of the wrist for the pose, seen from base, shape (3,), m.
             names: the arm's joint names by their short ones, such as "s1".
-            most_m: the length that spans and folds speak of.
+            length_m: the length of a span or fold.
         """
-        clause = _OF_POSES[bound].format(length=_length(excess_m), most_m=most_m, **names)
+        clause = _OF_POSES[bound].format(excess=_length(excess_m), length_m=length_m, **names)
         return cls(excess_m, bound, f"{clause}, with the wrist at {_words(wrist)}")
 
     @classmethod
     def of_position(
-        cls, bound: str, excess_m: float, tip: FloatArray, names: Mapping[str, str], most_m: float
+        cls, bound: str, excess_m: float, tip: FloatArray, names: Mapping[str, str], length_m: float
     ) -> ReachProof:
         """The same for a position of the tip, seen from base, shape (3,), m."""
-        clause = _OF_POSITIONS[bound].format(length=_length(excess_m), most_m=most_m, **names)
+        clause = _OF_POSITIONS[bound].format(excess=_length(excess_m), length_m=length_m, **names)
         return cls(excess_m, bound, f"{clause}, with the tip at {_words(tip)}")
-
-
-_OF_POSES = {
-    "span": "{length} beyond the {most_m:.3f} m that upper arm and forearm span from {s1}",
-    "fold": "{length} inside the {most_m:.3f} m that the wrist keeps from {s1} with {e1} fully "
-    "bent",
-    "shoulder": "at least {length} from where the limits of {s0}, {s1} and {e1} let the wrist go",
-    "wrist": "at least {length} from where {w1} can hold the tool in this orientation with {s0}, "
-    "{s1} and {e1} inside their limits",
-    "limits": "at least {length} from where the limits of all joints together let the tool be in "
-    "this orientation",
-}
-
-_OF_POSITIONS = {
-    "span": "{length} beyond the {most_m:.3f} m that the straight arm spans from {s1}",
-    "shoulder": "{length} beyond the {most_m:.3f} m that forearm and hand span from where {s0} and "
-    "{s1} let the elbow go",
-}
 
 
 def _words(p_base: FloatArray) -> str:
@@ -236,12 +241,12 @@ def _words(p_base: FloatArray) -> str:
 
 
 def _length_up(length_m: float) -> str:
-    """The length, rounded up."""
+    """A length in millimetres, rounded up."""
     return f"{math.ceil(1e3 * length_m)} mm"
 
 
 def _length(length_m: float) -> str:
-    """The length, rounded down so that the words claim no more than the proof."""
+    """A length, rounded down so that the text claims no more than the proof."""
     if length_m >= 10.0:
         return f"{length_m:.6g} m"
     digits = 0 if length_m >= 0.01 else 1 if length_m >= 1e-3 else 3
@@ -249,24 +254,15 @@ def _length(length_m: float) -> str:
     return f"{math.floor(1e3 * length_m * scale) / scale:.{digits}f} mm"
 
 
-RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
-"""Distances that the sweeps can certify; the largest that holds is reported."""
-
-DECISION_LEVELS, MEASURE_LEVELS = 5, 1
-"""How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
-
-_COAXIAL = 1e-9  # how far (m, and of a unit vector) an axis may be from the last joint's
-
-
 class ReachBound:
-    """How far one arm reaches, for poses of its tip that are met exactly or within a tolerance.
+    """The reach of one arm, for poses of its tip that are met exactly or within a tolerance.
 
     Attributes:
-        T_last_tip: the gripper seen from the last axis: z along it, origin the wrist.
+        T_last_tip: the tip seen from the frame of the last axis: z along it, origin the wrist.
     """
 
     def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
-        """Read the arm's dimensions, half a millisecond."""
+        """Read the arm's dimensions, which takes half a millisecond."""
         self._arm = Linkage.of(arm.at_gripper)
         self._shells = Shells(self._arm)
         self._sweep, self._pose_sweep = ShoulderSweep(self._arm), PoseSweep(self._arm)
@@ -279,11 +275,11 @@ class ReachBound:
         self._is_roll_free = tolerance.free_axis is not None
 
     def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = False) -> ReachProof | None:
-        """Why no pose that would do is within reach, or None when that is not proved.
+        """The proof that no allowed pose is within reach, or None.
 
         Args:
             T_base_tip: the requested pose of the tip, as `checked_pose` returns it.
-            is_thorough: whether it may take a second.
+            is_thorough: whether the proof may take a second.
         """
         T_base_gripper = T_base_tip * self._T_tip_gripper
         if self._is_posed:
@@ -291,28 +287,27 @@ class ReachBound:
         proofs = self.proof_of_position(T_base_tip.translation), self.proof_of_wrist(T_base_tip)
         return max(filter(None, proofs), key=lambda proof: proof.excess_m, default=None)
 
-    def proof_of_position(self, p_base_tip: ArrayLike) -> ReachProof | None:
-        """Why the tip cannot get to a position in any orientation, or None when that is not proved.
+    def proof_of_position(self, p_base_tip: FloatArray) -> ReachProof | None:
+        """The proof that the tip cannot reach a position in any orientation, or None.
 
         Args:
             p_base_tip: shape (3,), m, in base.
         """
-        p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
-        point, bound = self._arm.T_base_first.actInv(p), "span"
-        excess_m, most_m = self._shells.tip_excess_m(point), self._shells.radius_m
+        point, bound = self._arm.T_base_first.actInv(p_base_tip), "span"
+        excess_m, length_m = self._shells.tip_excess_m(point), self._shells.radius_m
         if excess_m <= 0.0:
-            bound, most_m = "shoulder", self._shells.tip_reach_m
+            bound, length_m = "shoulder", self._shells.tip_reach_m
             excess_m = self._shells.elbow_excess_m(point)
         if excess_m <= 0.0:
             return None
         tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
-        proof = ReachProof.of_position(bound, excess_m, p, self._names, most_m)
+        proof = ReachProof.of_position(bound, excess_m, p_base_tip, self._names, length_m)
         return proof.less(self._leeway_m + tool_m)
 
     def proof_of_wrist(self, T_base_tip: pin.SE3) -> ReachProof | None:
-        """Why the wrist cannot be where a pose puts it, by the bounds "span" and "fold" alone.
+        """The proof by the bounds "span" and "fold" alone that the wrist is out of reach, or None.
 
-        They hold whatever the tool's orientation: `excess_m` is how far the wrist must be moved.
+        It holds for every orientation of the tool: `excess_m` is a distance of the wrist.
 
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
@@ -321,7 +316,7 @@ class ReachBound:
         return _less(proof, self._wrist_leeway_m)
 
     def are_outside_shells(self, Ts: FloatArray) -> Flags:
-        """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.
+        """Which poses are proven out of reach by the bounds "span" and "fold" alone.
 
         Args:
             Ts: finite poses as matrices, shape (m, 4, 4).
@@ -329,15 +324,15 @@ class ReachBound:
         Returns:
             Shape (m,).
         """
-        return self._are_outside(self._targets(Ts)) if self._is_fixed else _nowhere(Ts)
+        return self._are_outside(self._targets(Ts)) if self._is_fixed else _none_of(Ts)
 
     def are_proven(self, Ts: FloatArray, levels: int = DECISION_LEVELS) -> Flags:
-        """Which poses are out of reach by any bound but "limits", proven for many at a time.
+        """Which poses are proven out of reach by any bound except "limits".
 
         Args:
             Ts: finite poses as matrices, shape (m, 4, 4).
-            levels: how many sizes of cells to try; one takes 15 us for each pose and proves most,
-                all of them take 300 us.
+            levels: number of cell sizes to try; one takes 15 us for each pose and proves most, all
+                of them take 300 us.
 
         Returns:
             Shape (m,).
@@ -354,18 +349,19 @@ class ReachBound:
     def are_beyond_limits(
         self, Ts: FloatArray, *, any_roll: bool = False, is_thorough: bool = False
     ) -> Flags:
-        """Which poses are out of reach by the bound "limits": some milliseconds for each.
+        """Which poses are proven out of reach by the bound "limits"; some milliseconds for each.
 
         Args:
             Ts: finite poses as matrices, shape (m, 4, 4).
-            any_roll: whether they are so however the gripper is turned about the last joint's axis.
+            any_roll: whether to prove it for every rotation of the gripper about the last joint's
+                axis.
             is_thorough: whether each may take half a second.
 
         Returns:
             Shape (m,).
         """
         if not self._is_fixed or self._is_roll_free:
-            return _nowhere(Ts)
+            return _none_of(Ts)
         radius_m, most = (
             float(RADII_M[0]),
             MAX_SURVIVORS_IF_THOROUGH if is_thorough else MAX_SURVIVORS,
@@ -378,17 +374,15 @@ class ReachBound:
 
     @property
     def _is_fixed(self) -> bool:
-        """Whether the gripper's pose is given exactly, but perhaps for its roll."""
+        """Whether the gripper's pose is given exactly, except perhaps for its roll."""
         return self._is_posed and self._leeway_m == 0.0
 
     def _targets(self, Ts: FloatArray) -> FloatArray:
         return self._arm.targets(Ts @ self._T_tip_gripper.homogeneous)
 
     def _target(self, T_base_gripper: pin.SE3) -> tuple[FloatArray, FloatArray]:
-        """Where a pose puts the last axis, shape (4, 4), and the wrist seen from base, (3,)."""
+        """The last axis for a pose, shape (4, 4), and the wrist seen from base, (3,)."""
         T = T_base_gripper.homogeneous
-        if not np.isfinite(T).all():
-            raise PoseError("a pose must be finite to be judged in or out of reach")
         wrist_base = T_base_gripper.act(self._arm.T_last_tip.inverse().translation)
         return self._arm.targets(T[None])[0], wrist_base
 
@@ -441,7 +435,7 @@ class ReachBound:
         return ReachProof.of("limits", radius_m, wrist, self._names)
 
 
-def _nowhere(Ts: FloatArray) -> Flags:
+def _none_of(Ts: FloatArray) -> Flags:
     return np.zeros(len(Ts), dtype=np.bool_)
 
 
@@ -450,23 +444,23 @@ def _less(proof: ReachProof | None, leeway_m: float) -> ReachProof | None:
 
 
 def _wrist_turns_m(T_last_tip: pin.SE3, tolerance: Tolerance) -> float:
-    """How far the wrist can get from where the pose puts it by what the tip is turned.
+    """The largest distance by which an allowed rotation of the tip moves the wrist, m.
 
-    A rotation by an angle moves a point by its distance times the chord, 2 sin(angle / 2). Where
-    the rotation about an axis is free, that holds for the part along the axis, and the part across
-    goes anywhere: it moves by up to twice its length.
+    A rotation by an angle moves a point by its distance times the chord, 2 sin(angle / 2). If the
+    rotation about an axis is free, this holds for the component along the axis; the component
+    across moves by up to twice its length.
     """
     wrist = T_last_tip.inverse().translation
     along, across = float(np.linalg.norm(wrist)), 0.0
     if tolerance.free_axis is not None:
         axis = np.eye(3)[tolerance.free_axis]
         along, across = abs(float(axis @ wrist)), float(np.linalg.norm(np.cross(axis, wrist)))
-    return 2.0 * along * math.sin(0.5 * tolerance.most_turned_rad) + 2.0 * across
+    return 2.0 * along * math.sin(0.5 * tolerance.max_rotation_rad) + 2.0 * across
 
 
 def _fixes_gripper(T_last_tip: pin.SE3, tolerance: Tolerance) -> bool:
-    """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
-    oriented = replace(tolerance, position_m=EXACT.position_m)
+    """Whether the tip's pose determines the gripper's, except for its roll about the last axis."""
+    oriented = evolve(tolerance, position_m=EXACT.position_m)
     if oriented == EXACT:
         return True
     p, z = T_last_tip.translation, T_last_tip.rotation[:, 2]

@@ -1,16 +1,16 @@
-"""Starts that are nearly solutions: the arm's inverse kinematics in closed form, but for the wrist.
+"""Starts that are nearly solutions: inverse kinematics in closed form, except for the wrist offset.
 
-With s0 given, the shoulder S is known, and the pose gives the wrist W (letters as in
-`baxter_kin.ik.reach.linkage`). Were the wrist not offset from the forearm's axis, |W - S| would
-give e1, the height of W above the plane that s1 turns in would give e0, the direction within it s1,
-and the tool's direction w0 and w1: two solutions each for e1, e0 and the wrist. The offset of 10 mm
-makes all of that depend on w0 a little; a few rounds of substitution settle it. What is out of
-range is
-clipped: such a start is no solution, but the configuration that comes nearest. With the wrist
-nearly straight w0 follows from the offset alone, and where the substitution begins matters.
+For a given s0 the shoulder S is known, and the pose gives the wrist W (letters as in
+`baxter_kin.ik.reach.linkage`). If the wrist were on the forearm's axis, |W - S| would give e1, the
+height of W above the plane in which s1 turns would give e0, the direction within that plane s1, and
+the tool's direction w0 and w1: two solutions each for e1, e0 and the wrist. Because of the offset
+of 10 mm, all of these depend slightly on w0; a few rounds of substitution take it into account.
+Sines and cosines out of range are clipped: such a start is the nearest configuration, no solution.
+If the wrist is nearly straight, w0 follows from the offset alone, and the result depends on the
+initial value of the substitution.
 
-Going through the angles of s0 visits the whole self-motion of a pose. So where a start that is
-inside the limits exists, or nearly so, one search from it finds the solution.
+A sweep over s0 visits the whole self-motion of a pose. So if a start is inside the limits, or
+nearly so, one search from it finds the solution.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from baxter_kin.validation import FloatArray
 SUBSTITUTIONS = 3
 
 BLOCK = 64
-"""Poses worked on together: their numbers stay in the processor's cache."""
+"""Number of poses computed together, whose arrays fit in the processor's cache."""
 
-_LEAST_M = 1e-12
+_MIN_M = 1e-12
 
 _SIGNS = np.array([(e1, e0, w1) for e1 in (1, -1) for e0 in (1, -1) for w1 in (1, -1)], float)
 
@@ -43,9 +43,9 @@ class ClosedForm:
         """Read the arm's dimensions.
 
         Args:
-            arm: whose configurations.
-            turns: how many angles of s0 are tried, in equal steps.
-            rolls: from how many angles of w0 the substitution begins.
+            arm: the arm.
+            turns: number of angles of s0, in equal steps.
+            rolls: number of initial values of w0 for the substitution.
         """
         self._arm = Linkage.of(arm)
         self._q_min, self._q_max = arm.limits.q_min, arm.limits.q_max
@@ -54,11 +54,11 @@ class ClosedForm:
         self._signs = np.tile(_SIGNS.T, rolls)
 
     def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """Starts for poses, the one that violates the limits least first; all inside the limits.
+        """Starts for poses, those that violate the limits least first, clipped to the limits.
 
         Args:
             Ts: poses as matrices seen from base, shape (m, 4, 4).
-            count: how many each gets.
+            count: number of starts for each pose.
 
         Returns:
             Shape (m, count, 7), rad.
@@ -73,14 +73,14 @@ class ClosedForm:
         return chosen.clip(self._q_min, self._q_max)
 
     def configurations(self, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """All of them, the limits of s0 apart inside the limits or not.
+        """All configurations; only the limits of s0 are taken into account.
 
         Args:
             Ts: poses as matrices seen from base, shape (m, 4, 4).
 
         Returns:
-            Configurations, shape (m, n, 7), rad, all angles in [-pi, pi); and by how much sines and
-            cosines had to be clipped, shape (m, n), zero for those that reach the pose.
+            Configurations, shape (m, n, 7), rad, all angles in [-pi, pi); and the amounts by which
+            sines and cosines were clipped, shape (m, n), zero for those that reach the pose.
         """
         targets = self._arm.targets(Ts)
         s0 = self._turns(targets[:, :3, 3])
@@ -105,8 +105,8 @@ class ClosedForm:
     def _turns(self, wrist: FloatArray) -> FloatArray:
         """The angles of s0 to try for wrists seen from the first axis, (m, 3): shape (m, n).
 
-        Beside those in equal steps, the two where the shoulder points to the wrist or away from it:
-        at the end of its reach the arm has no other.
+        In addition to equal steps, the two at which the shoulder points to the wrist or away from
+        it: at the end of its reach the arm has no other solutions.
         """
         aligned = np.arctan2(wrist[:, 1], wrist[:, 0])
         both = np.stack([aligned, aligned + np.pi], axis=1)
@@ -116,7 +116,7 @@ class ClosedForm:
     def _elbow(
         self, target: _Parts, w0: FloatArray, sign: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """e1 from |W - S|, and by how much its cosine was clipped."""
+        """e1 from |W - S|, and the amount by which its cosine was clipped."""
         arm, offset = self._arm, self._arm.wrist_offset_m * np.cos(w0)
         square = sum(part**2 for part in target) - arm.upper_span_m**2 - arm.fore_span_m**2
         cosine_part = arm.upper_m * arm.fore_m + arm.elbow_offset_m * offset
@@ -129,12 +129,12 @@ class ClosedForm:
     def _shoulder_angles(
         self, target: _Parts, e1: FloatArray, w0: FloatArray, sign: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """s1 and e0 from the direction of W - S, and by how much a sine was clipped."""
+        """s1 and e0 from the direction of W - S, and the amount by which a sine was clipped."""
         arm, (radially, down, sideways) = self._arm, target
         swing, across = arm.wrist_offset_m * np.cos(w0), arm.wrist_offset_m * np.sin(w0)
         u = arm.upper_m + arm.fore_m * np.cos(e1) - swing * np.sin(e1)
         r = arm.elbow_offset_m + arm.fore_m * np.sin(e1) + swing * np.cos(e1)
-        radius = np.hypot(r, across).clip(min=_LEAST_M)
+        radius = np.hypot(r, across).clip(min=_MIN_M)
         sine = sideways / radius
         inside = sine.clip(-1.0, 1.0)
         rise = np.arcsin(inside)
@@ -144,19 +144,19 @@ class ClosedForm:
 
 
 def _seen(v: FloatArray, azimuth: FloatArray) -> _Parts:
-    """Vectors of base, (m, 3), along radial, down and sideways, each (m, n, 1)."""
+    """Components of vectors of base, (m, 3), radially, down and sideways, each (m, n, 1)."""
     (x, y, z), c, s = v.T[:, :, None], np.cos(azimuth), np.sin(azimuth)
     down = np.broadcast_to(-z, azimuth.shape)
     return (c * x + s * y)[..., None], down[..., None], (c * y - s * x)[..., None]
 
 
 def _bent(parts: _Parts, angle: FloatArray) -> _Parts:
-    """A direction seen from a stage's axes, after its bend."""
+    """Components of a direction along the axes of a stage after its bend."""
     (axis, offset, across), c, s = parts, np.cos(angle), np.sin(angle)
     return c * axis + s * offset, c * offset - s * axis, across
 
 
 def _rolled(parts: _Parts, angle: FloatArray) -> _Parts:
-    """A direction seen from a stage's axes, after its roll."""
+    """Components of a direction along the axes of a stage after its roll."""
     (axis, offset, across), c, s = parts, np.cos(angle), np.sin(angle)
     return axis, c * offset + s * across, c * across - s * offset

@@ -1,4 +1,4 @@
-"""The arm as three bent links: the few lengths and angles that decide where it can reach.
+"""The arm as three bent links: the few lengths and angles that determine its reach.
 
 Baxter's joints come in pairs: one bends, the next rolls about the link just bent (the offsets are
 those of the DH table in R. L. Williams II, "Baxter Humanoid Robot Kinematics", Ohio University,
@@ -19,10 +19,10 @@ elbow     E = S + upper_m u + elbow_offset_m r                on the axis of e1
 wrist     W = E + fore_m f + wrist_offset_m k                 on the axes of w1 and w2
 ```
 
-Where the last axis has to be follows from the pose alone, so the pose gives W and t. Every length
-is one of the arm's Denavit-Hartenberg parameters. In a calibrated arm those that are missing here
-are not quite zero, and neighbouring axes not quite at right angles: the linkage is then another arm
-that moves nearly alike, and how far apart both can be at most is part of it.
+The pose determines the last axis, and so W and t. Every length is one of the arm's
+Denavit-Hartenberg parameters. In a calibrated arm the parameters that are missing here are not
+exactly zero, and neighbouring axes are not exactly at right angles: the linkage is then an
+approximation of the arm, and has bounds on its deviation.
 """
 
 from __future__ import annotations
@@ -43,15 +43,23 @@ from baxter_kin.validation import FloatArray
 Lengths: TypeAlias = tuple[float, float, float, float, float]
 """Offset of the shoulder, upper arm, its offset, forearm, its offset, m."""
 
+ROUNDING = 1e-12
+"""Of positions (m) and unit vectors, in addition to the deviation."""
+
+FAR_M = 1e300
+"""Farther poses are moved to this distance, so that sums and squares do not overflow."""
+
+_MIN_RAD = 1e-6
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Deviation:
-    """Bounds for all joint angles.
+    """Bounds on the distance between arm and linkage, for all joint angles.
 
     Attributes:
-        wrist_m: between the wrists, m.
-        axis: between the ends of unit vectors along the last axes.
-        tip_m: between the tips, m.
+        wrist_m: distance between the wrists, m.
+        axis: distance between the ends of unit vectors along the last axes.
+        tip_m: distance between the tips, m.
     """
 
     wrist_m: float
@@ -60,13 +68,12 @@ class Deviation:
 
     @classmethod
     def of(cls, dh: DHParameters, lengths: Lengths, hand_m: float) -> Deviation:
-        """The bounds, link by link.
+        """The bounds as sums over the links.
 
-        Exchanging one link of the arm for that of the linkage moves what follows it by the lengths
-        that the link differs by, and turns it about an axis through the link's end by the
-        difference of their twists: a point at a distance r from there moves by the chord,
-        2 sin(angle / 2) r, at most. Both arms differ by all six exchanges at most, one after the
-        other.
+        Replacing one link of the arm by that of the linkage moves all following links by the
+        difference of their lengths, and turns them about an axis through the end of the link by the
+        difference of their twists: a point at a distance r from there moves by at most the chord,
+        2 sin(angle / 2) r. The linkage results from six such replacements.
         """
         _, upper, elbow, fore, wrist = lengths
         fore_span = math.hypot(fore, wrist)
@@ -78,35 +85,26 @@ class Deviation:
         return cls(wrist_m, axis, wrist_m + axis * hand_m)
 
 
-ROUNDING = 1e-12
-"""Of positions (m) and unit vectors, beside the deviation."""
-
-FAR_M = 1e300
-"""Farther poses are taken to be so far, lest sums and squares overflow."""
-
-_LEAST_RAD = 1e-6
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Linkage:
     """Lengths (m) and limits (rad) of one arm; letters as in the module's formulas.
 
     Attributes:
-        T_base_first: the first axis: z along it, origin at the height of S, x along `radial` at
-            s0 = 0.
-        T_last_tip: the tip seen from the last axis: z along it, origin W.
+        T_base_first: the frame of the first axis: z along it, origin at the height of S, x along
+            `radial` at s0 = 0.
+        T_last_tip: the tip seen from the frame of the last axis: z along it, origin W.
         shoulder_offset_m: from the first axis to S.
         upper_m: along the upper arm, from S to the elbow's height.
         elbow_offset_m: from the upper arm's axis to E.
         fore_m: along the forearm, from E to the wrist's height.
         wrist_offset_m: from the forearm's axis to W.
         hand_m: from W to the tip.
-        q_offset: the linkage's angles less the arm's joint angles, shape (7,).
-        q_min: lower limits of the linkage's angles, seven; as wide as the arm's, or wider where
-            bounds would not hold otherwise.
+        q_offset: the linkage's angles minus the arm's joint angles, shape (7,).
+        q_min: lower limits of the linkage's angles, seven; those of the arm, or wider ones where
+            the bounds would not hold otherwise.
         q_max: upper limits, likewise.
-        dh: the arm's own geometry.
-        deviation: from the arm.
+        dh: the geometry of the arm.
+        deviation: bounds on the distance from the arm.
     """
 
     T_base_first: pin.SE3
@@ -125,7 +123,7 @@ class Linkage:
 
     @classmethod
     def of(cls, arm: Arm) -> Linkage:
-        """Read the numbers off the arm's model."""
+        """The linkage of an arm; an arm that is not built like Baxter's is refused."""
         dh = DHParameters.of(arm)
         a, d = dh.a_m.tolist(), dh.d_m.tolist()
         lengths = -a[0], d[1], -a[2], d[3], -a[4]
@@ -148,7 +146,7 @@ class Linkage:
         return linkage
 
     def targets(self, Ts: FloatArray) -> FloatArray:
-        """Where poses put the last axis, seen from the first one.
+        """The frame of the last axis for poses, seen from the first axis.
 
         Args:
             Ts: the tip seen from base, shape (m, 4, 4).
@@ -187,20 +185,20 @@ class Linkage:
 
     @property
     def elbow_angle(self) -> float:
-        """Between u and S -> E."""
+        """The angle between u and S -> E."""
         return math.atan2(self.elbow_offset_m, self.upper_m)
 
     @property
     def wrist_angle(self) -> float:
-        """Between f and E -> W."""
+        """The angle between f and E -> W."""
         return math.atan2(self.wrist_offset_m, self.fore_m)
 
     @property
     def max_bend(self) -> float:
-        """The largest angle between S -> E and E -> W: e1 at its upper limit, w0 at its worst.
+        """The largest angle between S -> E and E -> W: e1 at its upper limit, over all w0.
 
-        E -> W keeps `wrist_angle` to f, in a direction that w0 chooses; f and S -> E are
-        `|e1 - elbow_angle|` apart.
+        The angle between E -> W and f is `wrist_angle`, in a direction that depends on w0; that
+        between f and S -> E is `|e1 - elbow_angle|`.
         """
         return self.q_max[3] - self.elbow_angle + self.wrist_angle
 
@@ -216,7 +214,7 @@ class Linkage:
 
     @property
     def min_swing_m(self) -> float:
-        """The least distance of W from the line through S along u, over e1 and w0.
+        """The smallest distance of W from the line through S along u, over e1 and w0.
 
         It is at least `r . (W - S) = elbow_offset_m + fore_m sin(e1) + wrist_offset_m k . r`.
         """
@@ -243,17 +241,17 @@ def _stage(
 
 
 def _widened(low: FloatArray, high: FloatArray, lengths: Lengths) -> tuple[FloatArray, FloatArray]:
-    """Limits that hold the given ones, and such that the cases of the proofs are what they are.
+    """Limits that contain the given ones and meet the assumptions of the proofs.
 
-    The elbow can be overbent, and bent by more than that; the wrist can be turned either way; the
-    shoulder makes no more than a whole turn. Proofs for wider limits hold for narrower ones.
+    The elbow can be overbent, and bent by more than that; the wrist can be turned both ways; the
+    shoulder turns by at most a whole turn. Proofs for wider limits hold for narrower ones.
     """
     _, upper, elbow, fore, wrist = lengths
     elbow_angle, wrist_angle = math.atan2(elbow, upper), math.atan2(wrist, fore)
     low, high = low.copy(), high.copy()
-    low[3] = min(low[3], elbow_angle - 2.0 * wrist_angle - _LEAST_RAD)
-    high[3] = max(high[3], 2.0 * elbow_angle - low[3] + _LEAST_RAD)
-    low[5], high[5] = min(low[5], wrist_angle - _LEAST_RAD), max(high[5], wrist_angle + _LEAST_RAD)
+    low[3] = min(low[3], elbow_angle - 2.0 * wrist_angle - _MIN_RAD)
+    high[3] = max(high[3], 2.0 * elbow_angle - low[3] + _MIN_RAD)
+    low[5], high[5] = min(low[5], wrist_angle - _MIN_RAD), max(high[5], wrist_angle + _MIN_RAD)
     for joint in (0, 1):
         if high[joint] - low[joint] > 2.0 * math.pi:
             low[joint], high[joint] = -math.pi, math.pi
@@ -261,7 +259,7 @@ def _widened(low: FloatArray, high: FloatArray, lengths: Lengths) -> tuple[Float
 
 
 def _check_kinematics(linkage: Linkage, arm: Arm) -> None:
-    """Compare with Pinocchio at three configurations in general position."""
+    """Compare the linkage with Pinocchio at three configurations in general position."""
     low, high = arm.limits.q_min, arm.limits.q_max
     for ratio in (0.19, 0.53, 0.83):
         q = low + ratio * (high - low)
@@ -278,7 +276,7 @@ def _check_kinematics(linkage: Linkage, arm: Arm) -> None:
 
 
 def _check_limits(linkage: Linkage, arm: Arm) -> None:
-    """What the closed forms of `ShoulderSweep` and `ReachBound` take for granted."""
+    """Check the assumptions of the closed forms of `ShoulderSweep` and `ReachBound`."""
     low, high = linkage.q_min, linkage.q_max
     sound = {
         "e1": (
@@ -293,5 +291,5 @@ def _check_limits(linkage: Linkage, arm: Arm) -> None:
         if not holds:
             raise DescriptionError(
                 f"the limits of {arm.side}_{joint} or the lengths next to it are not Baxter's; "
-                "proofs that a pose is out of reach do not cover them"
+                "proofs that a pose is out of reach do not apply to them"
             )

@@ -1,6 +1,6 @@
-"""Proofs that no angle of the first joint lets the rest of an arm reach a pose.
+"""Proofs that a pose is out of reach for every angle of the first joint.
 
-Once s0 is chosen, the lengths leave the upper arm four directions at most, in closed form (letters
+For a given s0, the lengths leave at most four directions of the upper arm, in closed form (letters
 and `Linkage` as in `baxter_kin.ik.reach.linkage`; v = W - S, d = |v|):
 
 - The triangle S, E, W has three known sides. With m = v . (E - S) / |E - S| and
@@ -15,8 +15,8 @@ and `Linkage` as in `baxter_kin.ik.reach.linkage`; v = W - S, d = |v|):
 - The angle between E -> W and the tool's z axis is limited by w1.
 
 Each of these is evaluated with bounds that hold throughout a cell of s0 angles and for every wrist
-within a radius of the given one. A cell is dismissed when a limit cannot be met anywhere in it; the
-others are split. When none is left, no wrist within that radius is reachable. The limits of e0, w0
+within a radius of the given one. A cell is excluded if a limit cannot be met anywhere in it; the
+others are split. If none is left, no wrist within that radius is reachable. The limits of e0, w0
 and w2 are not used, so the proofs hold for every rotation of the tool about its z axis.
 """
 
@@ -33,31 +33,46 @@ from baxter_kin.validation import FloatArray
 
 Flags: TypeAlias = NDArray[np.bool_]
 
-_LEAST = 1e-9
+_MIN_LENGTH = 1e-9
+
+SWEEP_MARGIN_M = MARGIN_RAD = 5e-6
+"""Every proof also holds for wrists and tool axes within this distance. A solution is valid within
+1e-6 m and 1e-6 rad of its pose, which moves the wrist by less than 2e-6 m, and the axis of a pose
+may itself be off by 1e-6; rounding stays below 1e-9. The deviation of an arm from its linkage is
+added."""
+
+BLOCK = 128
+"""Number of targets computed together, whose cells fit in the processor's cache."""
+
+FIRST_CELLS, SPLIT, MAX_SURVIVORS = 24, 6, 96
+"""The range of s0 starts as 24 cells; survivors are split in six, unless more than 96 remain. Finer
+cells proved no further pose of 1,200 just out of reach."""
+
+_BOTH_SIGNS = np.array([[[1.0], [-1.0]]])
 
 
 class UncertainAngle(NamedTuple):
-    """An angle, and how far it may be off, rad; by more than half a turn, it may be any."""
+    """An angle and a bound on its error, rad; with more than half a turn, it may be any angle."""
 
     middle: FloatArray
     slack: FloatArray
 
     def part(self, which: Flags) -> UncertainAngle:
-        """Some of several."""
+        """Some of the angles."""
         return UncertainAngle(self.middle[which], self.slack[which])
 
-    def less(self, other: UncertainAngle) -> UncertainAngle:
-        """The difference of two."""
+    def minus(self, other: UncertainAngle) -> UncertainAngle:
+        """The difference of two angles."""
         return UncertainAngle(self.middle - other.middle, self.slack + other.slack)
 
     def is_within(self, middle: float, half: float) -> Flags:
-        """Where it may be so close to an angle, whole turns apart."""
+        """Whether it may be within `half` of an angle, up to whole turns."""
         off = np.abs(np.remainder(self.middle - (middle - math.pi), 2.0 * math.pi) - math.pi)
         return np.asarray(off <= half + self.slack)
 
 
 class UncertainVector(NamedTuple):
-    """A vector in a plane by its components, and how far its end may be off."""
+    """The components of a vector in a plane, and a bound on the error of its end."""
 
     x: FloatArray
     y: FloatArray
@@ -65,16 +80,16 @@ class UncertainVector(NamedTuple):
 
     @property
     def length(self) -> FloatArray:
-        """At the middle."""
+        """The length of the vector without its error."""
         return np.asarray(np.hypot(self.x, self.y))
 
     @property
     def angle(self) -> UncertainAngle:
-        """From x towards y."""
+        """The angle from x towards y."""
         length, slack = self.length, self.slack
         turn = np.where(
             slack < length,
-            np.arcsin(slack / np.maximum(np.maximum(length, slack), _LEAST)),
+            np.arcsin(slack / np.maximum(np.maximum(length, slack), _MIN_LENGTH)),
             math.pi,
         )
         return UncertainAngle(np.arctan2(self.y, self.x), turn)
@@ -82,10 +97,10 @@ class UncertainVector(NamedTuple):
     def arc_cosine(self, least: FloatArray, most: FloatArray) -> tuple[UncertainAngle, Flags]:
         """The angle to a direction along which the vector has a component in a range.
 
-        And where there is one.
+        And whether there is such a direction.
         """
         length = self.length
-        short, long = np.maximum(length - self.slack, _LEAST), length + self.slack
+        short, long = np.maximum(length - self.slack, _MIN_LENGTH), length + self.slack
         low = least / np.where(least > 0.0, long, short)
         high = most / np.where(most > 0.0, short, long)
         far = np.arccos(np.minimum(np.maximum(low, -1.0), 1.0))
@@ -94,28 +109,12 @@ class UncertainVector(NamedTuple):
         return UncertainAngle(0.5 * (far + near), 0.5 * (far - near)), is_possible
 
 
-SWEEP_MARGIN_M = MARGIN_RAD = 5e-6
-"""Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
-1e-6 m and 1e-6 rad of its pose, which moves the wrist by less than 2e-6 m, and the axis of a pose
-may be off by 1e-6 itself; rounding stays below 1e-9. By as much as an arm deviates from its linkage
-they hold besides."""
-
-BLOCK = 128
-"""Targets worked on together: their cells stay in the processor's cache."""
-
-FIRST_CELLS, SPLIT, MAX_SURVIVORS = 24, 6, 96
-"""The s0 range starts as 24 cells; survivors are split in six, unless more than 96 of them remain.
-Finer ones proved no further pose of 1,200 just out of reach."""
-
-_BOTH_SIGNS = np.array([[[1.0], [-1.0]]])
-
-
 class Exclusions(NamedTuple):
     """Proofs for n targets.
 
     Attributes:
-        is_proven: for which there is one, shape (n,).
-        needs_wrist: which rest on the limits of w1 beside those of s0, s1 and e1, shape (n,).
+        is_proven: whether there is a proof, shape (n,).
+        needs_wrist: whether it uses the limits of w1 besides those of s0, s1 and e1, shape (n,).
     """
 
     is_proven: Flags
@@ -130,9 +129,9 @@ class _Cells(NamedTuple):
         v: W - S at the middles: radially, sideways, up, m.
         t: the tool axis, likewise.
         d: |v|, m.
-        d_slack: how far v may be off in base, m: S moves within the cell, W by the radius
-            and the margin.
-        plane_slack: how far (radial, up) of v may be off, m.
+        d_slack: bound on the error of v in base, m: S moves within the cell, W by the radius and
+            the margin.
+        plane_slack: bound on the error of the components (radial, up) of v, m.
     """
 
     half: float
@@ -151,7 +150,7 @@ class _Bounds(NamedTuple):
 
 
 class ShoulderSweep:
-    """The sweep for one arm."""
+    """The sweep over s0 for one arm."""
 
     def __init__(self, linkage: Linkage) -> None:
         self._arm = linkage
@@ -163,22 +162,22 @@ class ShoulderSweep:
         self._d_max = linkage.wrist_distance_m(0.0)
         d_min = [linkage.wrist_distance_m(a) for a in (linkage.max_bend, linkage.max_overbend)]
         self._d_min = np.reshape(d_min, (2, 1, 1))
-        self._least_square_swing = linkage.min_swing_m**2
+        self._min_square_swing = linkage.min_swing_m**2
         self._s1_middle = 0.5 * (linkage.q_min[1] + linkage.q_max[1])
         self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
-        self._least_advance = self._fore * (math.cos(linkage.max_wrist_turn) - margin_rad)
+        self._min_advance = self._fore * (math.cos(linkage.max_wrist_turn) - margin_rad)
         self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
         low, high = linkage.q_min[0], linkage.q_max[0]
         self._first_half = (high - low) / (2 * FIRST_CELLS)
         self._first_s0 = low + self._first_half * (2.0 * np.arange(FIRST_CELLS) + 1.0)
 
     def exclusions(self, targets: FloatArray, radii_m: FloatArray, levels: int) -> Exclusions:
-        """For which targets there is a proof.
+        """The targets for which there is a proof.
 
         Args:
             targets: `Linkage.targets`, finite, shape (n, 4, 4).
-            radii_m: for wrists how far around each, shape (n,), m.
-            levels: how many sizes of cells to try.
+            radii_m: the distances of wrists from each that are excluded as well, shape (n,), m.
+            levels: number of cell sizes to try.
         """
         parts = [slice(at, at + BLOCK) for at in range(0, len(targets), BLOCK)]
         found = [self._exclusions(targets[part], radii_m[part], levels) for part in parts]
@@ -223,7 +222,7 @@ class ShoulderSweep:
         )
 
     def _survivors(self, cells: _Cells) -> tuple[Flags, Flags]:
-        """Which cells pass the limits of shoulder and elbow, and which those of w1 too."""
+        """Which cells meet the limits of shoulder and elbow, and which those of w1 as well."""
         d, is_within = self._distances(cells)
         projection = self._projections(d)
         s1, is_possible = self._shoulder_angles(cells, projection)
@@ -231,14 +230,14 @@ class ShoulderSweep:
         shoulder: Flags = is_within & is_possible & is_allowed
         if not shoulder.any():
             return shoulder[0, 0], shoulder[0, 0]
-        advance = self._most_advance(cells, d, projection, s1)
-        wrist: Flags = shoulder & (advance >= self._least_advance)
+        advance = self._max_advance(cells, d, projection, s1)
+        wrist: Flags = shoulder & (advance >= self._min_advance)
         return np.logical_or.reduce(shoulder, (0, 1)), np.logical_or.reduce(wrist, (0, 1))
 
     def _distances(self, cells: _Cells) -> tuple[_Bounds, Flags]:
-        """Bounds of d, elbow bent and bent the other way, (b, 1, n), and where it is possible.
+        """Bounds of d, elbow bent and bent the other way, (b, 1, n), and whether it is possible.
 
-        b is 2, or 1 when the elbow bends the other way in no cell.
+        b is 2, or 1 if the elbow bends the other way in no cell.
         """
         low, high = cells.d - cells.d_slack, cells.d + cells.d_slack
         least = self._d_min if high.max() >= self._d_min[1, 0, 0] else self._d_min[:1]
@@ -251,8 +250,8 @@ class ShoulderSweep:
         """Bounds of u . v, shape (b, 1, n).
 
         m grows with d. Bent: the lower bound is `upper_m + fore_span cos(bend + elbow_angle)` with
-        bend + elbow_angle below half a turn, and grows with d; q = fore_span sin(bend) is least at
-        an end. The other way, the bend is below a quarter turn and q falls with d.
+        bend + elbow_angle below half a turn, and grows with d; q = fore_span sin(bend) is smallest
+        at an end. Bent the other way: the bend is below a quarter turn and q falls with d.
         """
         (m_low, q_low), (m_high, q_high) = self._foot(d.low), self._foot(d.high)
         q_least = np.minimum(q_low, q_high)
@@ -265,25 +264,25 @@ class ShoulderSweep:
         )
 
     def _foot(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """W's coordinates m along S -> E and q across it, by the law of cosines."""
+        """The coordinates of W, m along S -> E and q across it, by the law of cosines."""
         square = d * d
         m = (square + (self._upper**2 - self._fore**2)) / (2.0 * self._upper)
         return m, np.sqrt(np.maximum(square - m * m, 0.0))
 
     def _shoulder_angles(self, cells: _Cells, projection: _Bounds) -> tuple[UncertainAngle, Flags]:
-        """s1, shape (b, 2, n), and where u can have the projection, (b, 1, n).
+        """s1, shape (b, 2, n), and whether u can have the projection, (b, 1, n).
 
         `u . v = rho cos(s1 + gamma)` with (rho, gamma) the polar form of v's (radial, up).
         """
         v = UncertainVector(cells.v[0], cells.v[2], cells.plane_slack)
         turn, is_possible = v.arc_cosine(projection.low, projection.high)
-        s1 = UncertainAngle(_BOTH_SIGNS * turn.middle, turn.slack).less(v.angle)
+        s1 = UncertainAngle(_BOTH_SIGNS * turn.middle, turn.slack).minus(v.angle)
         return s1, is_possible
 
-    def _most_advance(
+    def _max_advance(
         self, cells: _Cells, d: _Bounds, projection: _Bounds, s1: UncertainAngle
     ) -> FloatArray:
-        """An upper bound of `t . (W - E)`, shape (b, 2, n): how far the forearm goes along t."""
+        """An upper bound of `t . (W - E)`, the extent of the forearm along t, shape (b, 2, n)."""
         t_v = cells.t[0] * cells.v[0] + cells.t[1] * cells.v[1] + cells.t[2] * cells.v[2]
         t_u = cells.t[0] * np.cos(s1.middle) - cells.t[2] * np.sin(s1.middle)
         u_slack = s1.slack + cells.half
@@ -298,8 +297,8 @@ class ShoulderSweep:
         return t_v + cells.d_slack - upper - self._arm.elbow_offset_m * np.maximum(t_r, -1.0)
 
     def _swing(self, d: _Bounds, projection: _Bounds, farthest: FloatArray) -> _Bounds:
-        """Bounds of |v - (u . v) u|, shape (b, 1, n), given the greatest |u . v|."""
+        """Bounds of |v - (u . v) u|, shape (b, 1, n), given the largest |u . v|."""
         nearest = np.maximum(np.maximum(projection.low, -projection.high), 0.0)
-        low = np.maximum(d.low * d.low - farthest * farthest, self._least_square_swing)
-        high = np.maximum(d.high * d.high - nearest * nearest, self._least_square_swing)
+        low = np.maximum(d.low * d.low - farthest * farthest, self._min_square_swing)
+        high = np.maximum(d.high * d.high - nearest * nearest, self._min_square_swing)
         return _Bounds(np.sqrt(low), np.sqrt(high))

@@ -1,4 +1,4 @@
-"""Why a pose has no solution: proven out of reach, out of the joint limits, or not found."""
+"""Reasons why a pose has no solution: proven out of reach, beyond joint limits, or not found."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from baxter_kin.frames import read_with_w_first
 from baxter_kin.hints import millimetres_hint
@@ -24,22 +23,22 @@ from baxter_kin.validation import FloatArray
 AT_LIMIT_RAD = 1e-6
 
 NEAR_ENOUGH_M = 1e-3
-"""A pose that the arm comes closer to is not given more time to be proven out of reach."""
+"""No thorough proof is tried for a pose to which the arm comes closer than this."""
 
 STRAIGHT_DOWN_RAD = 0.1
-"""A tool that leans by less points straight down, as those of most picks do."""
+"""A tool that leans by less counts as pointing straight down, as in most picks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BestAttempt:
-    """The best that was found for a pose without a solution.
+    """The best attempt at a pose without a solution.
 
     Attributes:
         T: the pose as a matrix seen from base, shape (4, 4).
         q: the configuration, shape (7,), rad.
-        position_error_m: how far its tip is off.
-        orientation_error_rad: how much it is turned.
-        starts: searches by seed type; empty when the mode's seed was not given.
+        position_error_m: distance of its tip from the pose.
+        orientation_error_rad: angle between its tip and the pose.
+        starts: number of searches by seed type; empty if the mode's seed was not given.
     """
 
     T: FloatArray
@@ -50,7 +49,11 @@ class BestAttempt:
 
 
 class Explainer:
-    """Finds the reason, for one arm and what is asked of its tip."""
+    """Finds reasons for one arm and tolerance.
+
+    Attributes:
+        reach: proofs that poses are out of reach.
+    """
 
     def __init__(
         self, arm: Arm, search: Search, starts: NullSpaceMap, tolerance: Tolerance
@@ -58,29 +61,13 @@ class Explainer:
         self._arm = arm
         self._search = search
         self._starts = starts
-        self._reach = ReachBound(arm, tolerance)
+        self.reach = ReachBound(arm, tolerance)
         self._tolerance = tolerance
         self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
-    def are_out_of_reach_at_a_glance(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of poses, shape (m, 4, 4), are so far away that it is proven in no time."""
-        return self._reach.are_outside_shells(Ts)
-
-    def are_clearly_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of them are proven to be out of reach in some ten microseconds each."""
-        return self._reach.are_proven(Ts, 1)
-
-    def are_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of them are proven to be out of reach in less than a millisecond each."""
-        return self._reach.are_proven(Ts)
-
-    def are_beyond_limits(self, Ts: FloatArray) -> NDArray[np.bool_]:
-        """Which of the others are proven to be out of reach, in some milliseconds each."""
-        return self._reach.are_beyond_limits(Ts)
-
     def errors_in_neutral(self, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far the neutral arm's tip is from poses, shape (m, 4, 4): (m,), m; (m,), rad."""
+        """Errors of the neutral arm's tip for poses, shape (m, 4, 4): (m,), m, and (m,), rad."""
         T_neutral = self._arm.T_base_tip(self._arm.neutral)
         if self._tolerance != EXACT:
             rows = [self._tolerance.excess(_se3(T), T_neutral) for T in Ts]
@@ -92,7 +79,7 @@ class Explainer:
         return np.hypot(np.hypot(x, y), z), np.arccos(cosines.clip(-1.0, 1.0))
 
     def measured(self, T: FloatArray, q: FloatArray) -> BestAttempt:
-        """A configuration that was not searched for, with its errors."""
+        """A configuration as an attempt without searches, with its errors."""
         offset, angle = self._tolerance.excess(_se3(T), self._arm.T_base_tip(q))
         return BestAttempt(T, q, offset, angle, {})
 
@@ -101,14 +88,14 @@ class Explainer:
         x, y, z = attempt.T[:3, 3]
         what = "position" if self._tolerance.is_position_only else "pose at"
         pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
-        proof = self._reach.proof(_se3(attempt.T))
+        proof = self.reach.proof(_se3(attempt.T))
         nearest_m = self._nearest_m(attempt)
         if proof is None and not attempt.starts:
             return IKFailure(
-                f"seed mode {mode_name} was asked for, but no {mode_name} seed was given"
+                f"seed mode {mode_name} was requested, but no {mode_name} seed was given"
             )
         if proof is None and nearest_m is not None and nearest_m > NEAR_ENOUGH_M:
-            proof = self._reach.proof(_se3(attempt.T), is_thorough=True)
+            proof = self.reach.proof(_se3(attempt.T), is_thorough=True)
         if proof is None:
             return self._not_found(pose, attempt, nearest_m)
         reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
@@ -134,27 +121,27 @@ class Explainer:
         )
 
     def _nearest_m(self, attempt: BestAttempt) -> float | None:
-        """How far an attempt in the pose's orientation is from it; None for another."""
+        """Distance from the pose of an attempt in its orientation; None in another orientation."""
         is_turned = attempt.orientation_error_rad > ORIENTATION_TOLERANCE_RAD
         is_exact = self._tolerance == EXACT and bool(attempt.starts)
         return attempt.position_error_m if is_exact and not is_turned else None
 
     def _hint(self, T: FloatArray) -> str:
-        """What was probably meant, where that can be told, as the end of a sentence."""
+        """A guess at what was meant, as the end of a sentence; empty without one."""
         return millimetres_hint(*T[:3, 3].tolist()) or self._tool_hint or self._order_hint(T)
 
     def _order_hint(self, T: FloatArray) -> str:
-        """Whether w came first in the quaternion of a tool that was to point straight down.
+        """A hint for a quaternion with w first, of a tool that was to point straight down.
 
-        The other reading turns z to where it has the component R[0, 0] along z: both are 1 less
-        twice the squares of the quaternion's second and third number.
+        With w first, the component of the tool's z axis along z is R[0, 0]: both are 1 minus twice
+        the sum of the squares of the second and third number of the quaternion.
         """
         down = -math.cos(STRAIGHT_DOWN_RAD)
         if T[0, 0] > down or T[2, 2] <= down:
             return ""
         meant = T.copy()
         meant[:3, :3] = read_with_w_first(T[:3, :3])
-        if self._reach.are_proven(meant[None])[0]:
+        if self.reach.are_proven(meant[None])[0]:
             return ""
         return (
             "; did its quaternion come with w first? It is read as x, y, z, w; with w first the "
@@ -167,9 +154,9 @@ class Explainer:
         return tuple(limits.names[i] for i in np.flatnonzero(near))
 
     def _beyond_limits(self, T: FloatArray) -> tuple[str, ...]:
-        """A phrase for each joint limit that stands in the way.
+        """A phrase for each joint limit that a solution without limits violates.
 
-        Of a few solutions without limits, the least excessive counts. Empty when there is none.
+        Of a few such solutions, that with the smallest total excess is taken; empty without any.
         """
         Ts = T[None]
         starts = self._starts.setpoints[self._starts.nearest(Ts)[0]]

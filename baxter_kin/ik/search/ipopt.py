@@ -8,22 +8,22 @@ subject to  p(q) - p_target = 0                        (3)
 ```
 
 `h` is the tip's unit quaternion, a product of joint quaternions and so smooth in `q`. The vector
-part of the relative quaternion is `sin(angle / 2) axis`: it vanishes only when both rotations are
+part of the relative quaternion is `sin(angle / 2) axis`: it vanishes only if both rotations are
 equal, unlike the skew part of the relative rotation matrix, which also vanishes at half a turn.
-Twice it is the rotation vector, to first order.
+To first order, twice the vector part is the rotation vector.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import count
 from baxter_kin.errors import RequestError
+from baxter_kin.fields import frozen
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
 from baxter_kin.ik.search.search_function import CONVERGED_M, CONVERGED_RAD, INSET, task_coordinates
@@ -32,13 +32,13 @@ from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.symbolic import SymbolicArm, quaternion_product
-from baxter_kin.validation import Checked, FloatArray, expect
+from baxter_kin.validation import FloatArray, expect
 
 MAX_ITERATIONS = 100
 
 NEAREST_STARTS = 2
-"""Beside the best attempt. Of 145 poses up to 1 cm out of reach, that attempt led to the nearest
-position that any of seven starts found for 116, and the first of the others for the rest."""
+"""Number of starts besides the best attempt. Of 145 poses up to 1 cm out of reach, that attempt led
+to the nearest position of any of seven starts for 116, and the first other start for the rest."""
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -55,16 +55,16 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Program(Checked, OneLine, error=RequestError):
+@frozen(error=RequestError)
+class Program:
     """The nonlinear program of one arm.
 
     Attributes:
         q: decision variables, 7 x 1, rad.
         parameters: p_target (3), h_target in x, y, z, w order (4), q_seed (7).
         objective: half the squared distance to the seed.
-        pose_error: what is constrained, n x 1, m and rad.
-        widths: how far it may be from zero, either way, shape (n,).
+        pose_error: the constrained quantities, n x 1, m and rad.
+        widths: their allowed absolute values, shape (n,).
     """
 
     q: ca.SX
@@ -75,19 +75,19 @@ class Program(Checked, OneLine, error=RequestError):
 
     @classmethod
     def of(cls, arm: Arm, tolerance: Tolerance = EXACT, *, is_nearest: bool = False) -> Program:
-        """State the program of an arm.
+        """The program of an arm.
 
         With a tolerance, the errors are the coordinates of the deviation that it bounds, along and
-        about the axes of the requested tip frame. Within a cone, the two numbers of the tilt are
-        replaced by the square of its length over the width, which equals the width where the length
-        does.
+        about the axes of the requested tip frame. For a cone, the two coordinates of the tilt are
+        replaced by the square of its length divided by the width, which equals the width where the
+        length does.
 
         Args:
-            arm: whose tip is placed.
+            arm: the arm whose tip is placed.
             tolerance: how far the tip may be from the pose.
-            is_nearest: whether to come as close to an exact position as its orientation allows: the
-                orientation alone is constrained, and the objective is half the squared distance in
-                millimetres.
+            is_nearest: whether to search for the position nearest to the requested one in the
+                requested orientation: the orientation alone is constrained, and the objective is
+                half the squared distance in millimetres.
 
         Raises:
             RequestError: when an argument is of another class, or `is_nearest` comes with a
@@ -95,6 +95,7 @@ class Program(Checked, OneLine, error=RequestError):
         """
         expect(arm, Arm, "arm", RequestError)
         expect(tolerance, Tolerance, "tolerance", RequestError)
+        expect(is_nearest, bool, "is_nearest", RequestError)
         if is_nearest and tolerance != EXACT:
             raise RequestError("the nearest position is that of an exact pose; omit the tolerance")
         kinematics = SymbolicArm.of(arm)
@@ -119,7 +120,7 @@ class Program(Checked, OneLine, error=RequestError):
 
 
 def _bounded_error(kinematics: SymbolicArm, T: ca.SX, task: Task) -> tuple[ca.SX, FloatArray]:
-    """The deviation of a tip from a pose, 3 x 4, and how far it may be from zero, either way."""
+    """The deviation of a tip from a pose, 3 x 4, and its allowed absolute values."""
     columns = list(task.order)
     T_turned = ca.horzcat(T[:, columns], T[:, 3])
     R_turned = kinematics.R_base_tip[:, columns]
@@ -146,14 +147,14 @@ def _rotation(quat_xyzw: ca.SX) -> ca.SX:
 class IpoptSearcher:
     """The interior-point method of Waechter and Biegler (2006) on the program.
 
-    Slow and sure: it minimises the distance to the start, where the fast search only begins there.
-    Or, with `is_nearest`, the distance to the position: where a pose is slightly out of reach, no
-    search for it ends well, and this one ends next to it.
+    It is slow but reliable, and minimises the distance to the start. With `is_nearest`, it
+    minimises the distance to the position: for a pose slightly out of reach, on which every other
+    search fails, it ends at the nearest reachable position.
 
     Attributes:
         backend: `IPOPT`.
-        fine_rounds: how many finely computed starts it is given at once, round by round.
-        scattered_starts: none.
+        fine_rounds: as of `Search`.
+        scattered_starts: zero.
     """
 
     backend = Backend.IPOPT
@@ -168,12 +169,12 @@ class IpoptSearcher:
         *,
         is_nearest: bool = False,
     ) -> None:
-        """Prepare the program's derivatives.
+        """Prepare the derivatives of the program.
 
         Args:
-            arm: with the tip that is placed.
-            starts: where to start when there is no seed, and in search of the nearest position.
-            tolerance: how exactly.
+            arm: the arm whose tip is placed.
+            starts: the starts without a seed, and for the nearest position.
+            tolerance: of the tip.
             is_nearest: as of `Program.of`.
         """
         self._arm, self._starts, self._tolerance = arm, starts, tolerance
@@ -191,9 +192,9 @@ class IpoptSearcher:
     def search(
         self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
     ) -> Found:
-        """Searches, one after the other; arguments and result as of `Searcher.search`.
+        """Run searches one after the other; arguments and result as of `Searcher.search`.
 
-        Each result for the nearest position is the best of the start's and of `NEAREST_STARTS`
+        For the nearest position, each result is the best of the given start and of `NEAREST_STARTS`
         others.
         """
         limits = self._arm.limits
@@ -211,13 +212,13 @@ class IpoptSearcher:
         return Found(q, is_valid, offset, angle, iterations)
 
     def search_from_map(self, Ts: FloatArray) -> Found:
-        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        """Search for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         return search_from_setpoints(self, self._starts, Ts)
 
     def _best(
         self, q_starts: FloatArray, T: pin.SE3, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, float, float, int]:
-        """The nearest of the results that have the orientation, or else of all."""
+        """The nearest of the results in the requested orientation, or else of all results."""
         found = [self._search(q_start, T, low, high) for q_start in q_starts]
         return min(found, key=lambda row: (row[2] > ORIENTATION_TOLERANCE_RAD, row[1] + row[2]))
 

@@ -12,23 +12,23 @@ with `D` the diagonal that freezes a joint at a limit which the gradient `J^T e`
 inverse kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011). It turns
 into Gauss-Newton near a solution, so the last digits cost one iteration.
 
-A task is a tip and, for each coordinate of its deviation from the pose (`Tolerance`), how wide it
-may be. Inside its width a coordinate is no error, but its row of `J` stays, so that the step holds
+A task is a tip and, for each coordinate of its deviation from the pose (`Tolerance`), an allowed
+width. Within its width a coordinate has no error, but its row of `J` stays, so that the step keeps
 it there: without the row, the next step leaves the width, and of poses with widths of 1 cm and
-0.1 rad only 56 % converge from the first setpoint instead of 97 %. Outside, it is drawn to half the
-width, well inside; a tilt outside its cone, straight towards the cone's axis. A free coordinate has
-neither error nor row.
+0.1 rad only 56 % converge from the first setpoint instead of 97 %. Outside, the target is half the
+width, well inside; a tilt outside its cone is moved straight towards the axis of the cone. A free
+coordinate has neither error nor row.
 
 An exact pose is a task of zero width. Its step is shorter: the position part of `e` and `J` can
-then be that of the wrist, where the last two axes meet or come nearest. These joints hardly move
-it, which makes an iteration cheaper, and more of them succeed: 858 operations instead of 3,022, and
-85 % of uniform poses converge from the middle of the joint ranges instead of 83 %. So the function
-switches to this step where all widths are zero.
+then be that of the wrist, where the last two axes meet or are nearest. These joints hardly move the
+wrist, which makes an iteration cheaper and the search more successful: 858 operations instead of
+3,022, and 85 % of uniform poses converge from the middle of the joint ranges instead of 83 %. So
+the function switches to this step if all widths are zero.
 
 CasADi's virtual machine evaluates the function, or C generated from it
 (`baxter_kin.compilation.machine_code`). The arm's geometry and limits, the tip and the widths are
-numbers among its inputs, so that what was compiled once serves every robot and tolerance: one
-function for arms of right angles, as Baxter is drawn, and one for arms as they are calibrated.
+numbers among its inputs, so that the compiled functions serve every robot and tolerance: one
+function for arms with right angles, as Baxter is drawn, and one for calibrated arms.
 """
 
 from __future__ import annotations
@@ -44,48 +44,42 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.frames import ROTATION_TOLERANCE
-from baxter_kin.ik.seeds import FEATURE_WEIGHT_M, MAP_STARTS, setpoint_table
-from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
 from baxter_kin.validation import FloatArray
 
 ITERATIONS = 15
-"""Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 85 % converge in
-at most 15 iterations and 87 % in 20; giving up earlier and starting elsewhere costs less."""
+"""Maximum per start. Of 4,000 uniform poses, from the middle of the joint ranges 85 % converge in
+15 iterations and 87 % in 20; it costs less to give up earlier and start elsewhere."""
 
 SEEN_FROM = 1
-"""The link that the formulas are seen from, the one that s0 turns: 858 operations an iteration for
-right angles, 1,146 in general, which take 1.1 times as long. From other links as many."""
+"""The link from which the formulas are seen, the one that s0 turns: 858 operations an iteration for
+right angles, 1,146 in general, which take 1.1 times as long. Other links need as many."""
 
 ROTATION_WEIGHT_M = 0.6
-"""What a radian of error counts in metres. Between 0.2 and 1.0 the cost changes by 5 %."""
+"""Weight of a radian of error, in metres. Between 0.2 and 1.0 the cost changes by 5 %."""
 
 DAMPING = 0.07
-"""Damping over squared error. Between 0.03 and 0.1 the cost changes by 3 %."""
+"""Ratio of damping to squared error. Between 0.03 and 0.1 the cost changes by 3 %."""
 
 MIN_DAMPING = 1e-12
 
 CONVERGED_M = CONVERGED_RAD = 1e-9
-"""Where a search ends: a thousandth of what counts as a solution, one Gauss-Newton step away."""
+"""Errors at which a search ends: a thousandth of a solution's, one Gauss-Newton step away."""
 
 SEED_TOLERANCE_RAD = 0.02
-"""Seeds this far outside the limits are clamped: arms at rest report a little more than their
-limits. Farther out they are refused."""
+"""Seeds up to this far outside the limits are clamped, since arms at rest report values slightly
+beyond their limits; others are refused."""
 
 INSET = 2 * CONVERGED_M
 """In m and rad: the search aims this far inside a tolerance, and so ends within it."""
 
 AIM = 0.5
-"""Where within its width a coordinate is drawn to from outside, as a share of the width."""
-
-PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
-"""The largest error, m and 0.6 rad together, that a search from the map may have left at iterations
-of these numbers. Of searches from the nearest setpoint up to 2 % have more and would have
-converged, and more than 7 of the 9 % that would not: the next setpoint is the better bet."""
+"""Target of a coordinate outside its width, as a share of the width."""
 
 TASK_NUMBERS = 32
-"""Numbers that `TaskNumbers` hands to the search."""
+"""Length of `Task.numbers`."""
 
 _MIN_COSINE, _MIN_TASK_COSINE = 1e-6, 1e-3
 _SMALL = 1e-6  # below, angles are taken from their series
@@ -93,10 +87,10 @@ _SMALL = 1e-6  # below, angles are taken from their series
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmNumbers:
-    """An arm as the search functions take it.
+    """An arm as input of the search functions.
 
     Attributes:
-        shape: the arm's; there is a function for each.
+        shape: the shape of the arm; there are functions for each.
         bounds: lowest and highest joint positions, shape (14,), rad.
         dimensions: those that the shape leaves open, shape (n,), m and rad.
         frame: base seen from the first axis; rotation column by column, then position, shape (12,),
@@ -110,7 +104,7 @@ class ArmNumbers:
 
     @classmethod
     def of(cls, arm: Arm) -> ArmNumbers:
-        """The numbers of an arm, whatever its tip."""
+        """The numbers of an arm, which do not depend on its tip."""
         dh = DHParameters.of(arm.at_gripper)
         dimensions = dimensions_of(dh)
         shape = Shape.of(dimensions)
@@ -118,7 +112,7 @@ class ArmNumbers:
         return cls(shape, bounds, dimensions[shape.free], columns_of(dh.T_base_first.inverse()))
 
     def within(self, bounds: FloatArray | None = None) -> FloatArray:
-        """All numbers in one vector, with the arm's bounds or others, (14,), rad."""
+        """All numbers in one vector, with the arm's bounds or with others, (14,), rad."""
         given = self.bounds if bounds is None else bounds
         return np.concatenate([given, self.dimensions, self.frame])
 
@@ -126,12 +120,6 @@ class ArmNumbers:
 def columns_of(T: pin.SE3) -> FloatArray:
     """The rotation of a pose, column by column, then its position, shape (12,)."""
     return np.append(T.rotation.ravel("F"), T.translation)
-
-
-@cache
-def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
-    """The functions for arms of a shape: from a start, from the left map, from the right one."""
-    return search_function(shape), *(map_search_function(shape, side) for side in LIMBS)
 
 
 def search_function(
@@ -142,18 +130,18 @@ def search_function(
     Inputs: first iterate, 7 x 1, rad, clamped to the bounds; requested pose of the tip, 4 x 4;
     `Task.numbers`; `ArmNumbers.within`. Outputs: last iterate, 7 x 1; report, 5 x 1: 1 if it
     converged and the inputs were valid, else 0; by how much the position exceeds the tolerance, in
-    m; the same of the orientation, in rad; iterations; 1 if the inputs were valid. They are when
-    the pose is one and no joint of the first iterate was outside by more than `SEED_TOLERANCE_RAD`.
+    m; the same of the orientation, in rad; iterations; 1 if the inputs were valid. They are if the
+    pose is one and no joint of the first iterate was outside by more than `SEED_TOLERANCE_RAD`.
 
     Args:
-        shape: of the arms that it is for.
+        shape: the shape of the arms.
         patience: as for `iterations_of`.
     """
     q_start, T = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4)
     task, (tip, last, widths, roll_is_free) = task_symbols()
     arm, (bounds, dimensions, first) = arm_symbols(shape)
     q_clamped, is_valid = input_check()(q_start, T, bounds)
-    T_first_tip = _seen_from_first()(T, first)
+    T_first_tip = seen_from_first()(T, first)
     inputs = [q_clamped, T_first_tip, tip, last, widths, roll_is_free, bounds, dimensions]
     is_exact = ca.logic_and(ca.sum1(widths) == 0, roll_is_free == 0)
     exact, task_search = (kind(shape, patience, inputs) for kind in (_exact_search, _task_search))
@@ -164,15 +152,15 @@ def search_function(
 
 
 def _exact_search(shape: Shape, patience: Mapping[int, float], inputs: list[ca.MX]) -> ca.Function:
-    """The iterations for zero widths, of the inputs that both kinds of search have."""
+    """The iterations for zero widths, with the inputs of both kinds of search."""
     q, T, tip, last, _, _, bounds, dimensions = given = _alike(inputs)
     iterations = iterations_of(exact_step(shape), patience)
-    outputs = iterations(q, _last_axis()(T, last), tip[9:], bounds, dimensions)
+    outputs = iterations(q, last_axis()(T, last), tip[9:], bounds, dimensions)
     return ca.Function("exact", given, list(outputs))
 
 
 def _task_search(shape: Shape, patience: Mapping[int, float], inputs: list[ca.MX]) -> ca.Function:
-    """The iterations for any widths, of the same inputs."""
+    """The iterations for any widths, with the same inputs."""
     q, T, tip, _, widths, roll, bounds, dimensions = given = _alike(inputs)
     outputs = iterations_of(task_step(shape), patience)(q, T, tip, widths, roll, bounds, dimensions)
     return ca.Function("task", given, list(outputs))
@@ -184,7 +172,7 @@ def _alike(symbols_: list[ca.MX]) -> list[ca.MX]:
 
 
 def task_symbols() -> tuple[ca.MX, list[ca.MX]]:
-    """`Task.numbers` as symbols, and its parts: tip, last axis, widths, is the roll free."""
+    """`Task.numbers` as symbols, and its parts: tip, last axis, widths, 1 if the roll is free."""
     task = ca.MX.sym("task", TASK_NUMBERS)
     return task, ca.vertsplit(task, [0, 12, 24, 31, TASK_NUMBERS])
 
@@ -197,15 +185,15 @@ def arm_symbols(shape: Shape) -> tuple[ca.MX, list[ca.MX]]:
 
 
 @cache
-def _seen_from_first() -> ca.Function:
+def seen_from_first() -> ca.Function:
     """`(T_base_tip, first) -> T_first_tip`, its first three rows, 3 x 4."""
     T, first = ca.SX.sym("T", 4, 4), ca.SX.sym("first", 12)
     return ca.Function("seen_from_first", [T, first], [(_pose(first) @ T)[:3, :]])
 
 
 @cache
-def _last_axis() -> ca.Function:
-    """`(T_first_tip, last) -> T_first_last`, 3 x 4: where the last axis shall be."""
+def last_axis() -> ca.Function:
+    """`(T_first_tip, last) -> T_first_last`, 3 x 4: the target of the last axis."""
     T, last = ca.SX.sym("T", 3, 4), ca.SX.sym("last", 12)
     return ca.Function("last_axis", [T, last], [T @ _pose(last)])
 
@@ -220,15 +208,15 @@ def iterations_of(
 ) -> ca.Function:
     """`(q, ...) -> (last iterate, (arrived, position error, orientation error, count))`.
 
-    Each iteration holds the rest of them behind a lazy switch, so that what comes after the last
-    one needed costs nothing. After all of them the errors are measured once more, so that errors
-    and iterate belong together.
+    Each iteration contains the rest behind a lazy switch, so that iterations that are not needed
+    cost nothing. After the last one the errors are measured once more, so that they belong to the
+    iterate.
 
     Args:
-        step: `(q, ...) -> (q_next, position error at q, orientation error at q)`; what follows `q`
-            is handed through. `q` must be inside the bounds.
-        patience: the greatest error, m and rad (weighted) together, to go on with at iterations of
-            these numbers; others go on whatever it is.
+        step: `(q, ...) -> (q_next, position error at q, orientation error at q)`; inputs after `q`
+            are passed on. `q` must be inside the bounds.
+        patience: the largest error, m and rad (weighted) together, with which iterations of these
+            numbers continue; others always continue.
     """
     q, *given = symbols(step)
     _, *errors = step(q, *given)
@@ -240,7 +228,7 @@ def iterations_of(
 
 
 def _iteration(count: int, step: ca.Function, rest: ca.Function, most: float) -> ca.Function:
-    """The iteration of that number: tell the errors at `q`; if too large, step and go on."""
+    """The iteration with a number: the errors at `q`, and if they are too large, the rest."""
     (q, *given), q_next, outcome = symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("outcome", 4)
     inputs = [q, q_next, outcome, *given]
     stay = ca.Function("stay", inputs, [q, outcome])
@@ -255,7 +243,7 @@ def _iteration(count: int, step: ca.Function, rest: ca.Function, most: float) ->
 
 
 def symbols(function: ca.Function) -> list[ca.MX]:
-    """A symbol for each of its inputs."""
+    """A symbol for each input of a function."""
     return [ca.MX.sym(function.name_in(i), *function.size_in(i)) for i in range(function.n_in())]
 
 
@@ -286,7 +274,7 @@ def exact_step(shape: Shape) -> ca.Function:
 def task_step(shape: Shape) -> ca.Function:
     """`(q, T_first_tip, tip, widths, roll_is_free, bounds, dimensions) -> (q_next, errors at q)`.
 
-    The errors are by how much position and orientation of the tip exceed the widths, in m and rad.
+    The errors are the excess of position and orientation of the tip over the widths, in m and rad.
     """
     chain = SymbolicChain.of_shape(shape)
     T, tip = ca.SX.sym("T", 3, 4), ca.SX.sym("tip", 12)
@@ -316,8 +304,8 @@ def _beyond(x: ca.SX, allowed: ca.SX) -> ca.SX:
 def task_coordinates(T: ca.SX, p_tip: ca.SX, R_tip: ca.SX, roll_is_free: ca.SX) -> ca.SX:
     """The deviation of a tip from a pose along and about the axes of that pose, 6 x 1, m and rad.
 
-    As `baxter_kin.ik.tolerance` says: displacement and rotation vector; with the roll free the
-    rotation vector of the tilt of z, and zero.
+    As defined in `baxter_kin.ik.tolerance`: displacement and rotation vector; if the roll is free,
+    the rotation vector of the tilt of z, and zero.
     """
     R = T[:3, :3].T @ R_tip
     rotation = ca.if_else(roll_is_free, _tilt(R[:, 2]), _rotation_vector(R))
@@ -325,9 +313,10 @@ def task_coordinates(T: ca.SX, p_tip: ca.SX, R_tip: ca.SX, roll_is_free: ca.SX) 
 
 
 def _rotation_vector(R: ca.SX) -> ca.SX:
-    """By way of the quaternion `sin(angle / 2) axis, cos(angle / 2)`, half a root of 1 + trace.
+    """The rotation vector from the quaternion `sin(angle / 2) axis, cos(angle / 2)`.
 
-    Within 0.1 deg of half a turn, where the axis is undecided, it is too short.
+    `cos(angle / 2)` is half the root of 1 + trace. Within 0.1 deg of half a turn, where the axis is
+    ambiguous, the vector is too short.
     """
     two_cosine = ca.sqrt(ca.fmax(1 + ca.trace(R), _MIN_TASK_COSINE**2))
     skew = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
@@ -340,7 +329,7 @@ def _tilt(z: ca.SX) -> ca.SX:
 
 
 def _lengthened(v: ca.SX, cosine: ca.SX, turns: int) -> ca.SX:
-    """`turns` times the angle of which `v` is the axis times the sine."""
+    """`turns` times the rotation vector of an angle, for `v` its axis times its sine."""
     square = ca.sumsqr(v)
     is_small = ca.logic_and(square < _SMALL**2, cosine > 0)
     sine = ca.sqrt(ca.fmax(square, _SMALL**2))
@@ -358,10 +347,10 @@ def damped_step(q: ca.SX, J: ca.SX, e: ca.SX, bounds: ca.SX) -> ca.SX:
 
 
 def _wrist_jacobian(chain: SymbolicChain) -> ca.SX:
-    """The geometric Jacobian of W, 6 x 7, rotations in the unit that `ROTATION_WEIGHT_M` makes.
+    """The geometric Jacobian of the wrist W, 6 x 7, with rotations weighted to metres.
 
-    W lies on the last axis, which does not move it; where the last two axes meet, nor does the one
-    before.
+    W lies on the last axis, which does not move it; if the last two axes meet, neither does the
+    joint before.
     """
     wrist, axes = chain.p_link_last, list(zip(chain.axes, chain.origins, strict=True))
     linear = [ca.cross(axis, wrist - origin) for axis, origin in axes[:6]]
@@ -370,22 +359,23 @@ def _wrist_jacobian(chain: SymbolicChain) -> ca.SX:
 
 
 def rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """`2 sin(angle / 2) axis` of the rotation still missing, axes of base, and its length.
+    """`2 sin(angle / 2) axis` of the remaining rotation, axes of base, and its length.
 
-    The skew part of a rotation matrix is `sin(angle) axis`; over `2 cos(angle / 2)`, a root of the
-    trace, it becomes a quaternion's vector part, which grows with the angle up to half a turn.
+    The skew part of a rotation matrix is `sin(angle) axis`. Divided by `2 cos(angle / 2)`, a root
+    of the trace, it becomes the vector part of a quaternion, which grows with the angle up to half
+    a turn.
     """
     E = R_target @ R.T
     trace = E[0, 0] + E[1, 1] + E[2, 2]
     two_cosine = ca.sqrt(ca.fmax(1 + trace, _MIN_COSINE))
     skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
     error = skew / two_cosine
-    length = ca.if_else(trace > 0, ca.norm_2(error), 2.0)  # near half a turn skew vanishes as well
+    length = ca.if_else(trace > 0, ca.norm_2(error), 2.0)  # near half a turn skew also vanishes
     return error, length
 
 
 def _is_free(gradient: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    """0 for each joint at a limit that the step would push it through, 1 for the others, 7 x 1."""
+    """0 for each joint at a limit through which the step would push it, else 1; 7 x 1."""
     free = []
     for i in range(q.numel()):
         at_low = ca.logic_and(q[i] <= low[i], gradient[i] < 0)
@@ -395,7 +385,7 @@ def _is_free(gradient: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
-    """`A^-1 b` for a positive definite `A`, n x n, by its LDL^T factors written out.
+    """`A^-1 b` for a positive definite `A`, n x n, by its LDL^T factors as expressions.
 
     Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.2.
     """
@@ -429,7 +419,7 @@ def input_check() -> ca.Function:
 
 
 @cache
-def _pose_check() -> ca.Function:
+def pose_check() -> ca.Function:
     """`T -> 1 if it is a valid pose, else 0`."""
     T = ca.SX.sym("T", 4, 4)
     return ca.Function("pose_check", [T], [_is_pose(T)])
@@ -446,115 +436,8 @@ def _is_pose(T: ca.SX) -> ca.SX:
 
 
 def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
-    """1 if every value is that close to zero, else 0; NaN is not, while norms would drop it."""
+    """1 if every value is that close to zero, else 0; also 0 for NaN, which norms would drop."""
     within = ca.SX(1)
     for i in range(values.numel()):
         within = ca.logic_and(within, ca.fabs(values[i]) <= tolerance)
     return within
-
-
-def map_search_function(shape: Shape, side: str) -> ca.Function:
-    """The search for exact poses from the map, as `(T_base_tip, T_base_gripper, task, arm) -> ...`.
-
-    It starts from the setpoints nearest to the gripper's pose, one after the other. Choosing them
-    costs less than one iteration, and poses that the first setpoint solves never meet the others.
-
-    Inputs: poses of tip and gripper, 4 x 4; `Task.numbers`; `ArmNumbers.within`. Outputs: the first
-    iterate that converged, else the one that came nearest, 7 x 1; report, 6 x 1: 1 if it converged
-    and the pose is valid, else 0; position error in m; orientation error in rad; iterations of all
-    searches; 1 if the pose is valid; starts.
-
-    Args:
-        shape: of the arms that it is for.
-        side: "left" or "right": whose setpoints. They are constants; as inputs, they would be
-            copied at every call, which takes a fifth of its time.
-    """
-    T, T_gripper = ca.MX.sym("T", 4, 4), ca.MX.sym("T_gripper", 4, 4)
-    task, (tip, last, *_) = task_symbols()
-    arm, (bounds, dimensions, first) = arm_symbols(shape)
-    middles, table = setpoint_table(side)
-    setpoints, iterations = ca.MX(ca.DM(table.T)), _patient_iterations(shape)
-    rest = _start(MAP_STARTS, iterations, setpoints, None)
-    for rank in range(MAP_STARTS - 1, 0, -1):
-        rest = _start(rank, iterations, setpoints, rest)
-    target = _last_axis()(_seen_from_first()(T, first), last)
-    squares, infinity = _squares_function(middles)(T_gripper), ca.MX(ca.inf)
-    no_result = -infinity, ca.MX.zeros(7), ca.vertcat(infinity, infinity), ca.MX(0)
-    q, outcome = rest(target, tip[9:], bounds, dimensions, squares, *no_result)
-    is_valid = _pose_check()(T)
-    found = ca.logic_and(outcome[0], is_valid)
-    report = ca.vertcat(found, outcome[1:4], is_valid, outcome[4])
-    name = f"map_search_{side}_{shape.name.lower()}"
-    return ca.Function(name, [T, T_gripper, task, arm], [q, report])
-
-
-@cache
-def _patient_iterations(shape: Shape) -> ca.Function:
-    return iterations_of(exact_step(shape), PATIENCE)
-
-
-def _start(
-    rank: int, iterations: ca.Function, setpoints: ca.MX, rest: ca.Function | None
-) -> ca.Function:
-    """The start of that rank, and behind a lazy switch the rest of them.
-
-    `(T, p_last_tip, bounds, dimensions, squares, square of the previous start, best q, its errors,
-    iterations so far) -> (q, outcome)`.
-    """
-    sizes = iterations.size1_in(4), setpoints.shape[1]
-    state = T, p_tip, bounds, dimensions, squares, last, q_best, errors_best, count = _state(*sizes)
-    index, square = _nearest_function(sizes[1])(squares, last)
-    start = ca.fmin(ca.fmax(setpoints[:, index], bounds[:7]), bounds[7:])
-    q, outcome = iterations(start, T, p_tip, bounds, dimensions)
-    errors, total = outcome[1:3], count + outcome[3]
-    is_better = ca.sum1(errors) < ca.sum1(errors_best)
-    q, errors = ca.if_else(is_better, q, q_best), ca.if_else(is_better, errors, errors_best)
-    outputs = [q, ca.vertcat(outcome[0], errors, total, rank)]
-    if rest is not None:
-        now = T, p_tip, bounds, dimensions, squares, square, q, errors, total
-        outputs = list(_switch(rank, rest, *sizes)(outcome[0], *now))
-    return ca.Function(f"start_{rank}", list(state), outputs)
-
-
-def _switch(rank: int, rest: ca.Function, dimensions: int, setpoints: int) -> ca.Function:
-    """`(1 if it converged, state) -> (q, outcome)`: what was found, or what the rest finds."""
-    state = _state(dimensions, setpoints)
-    *_, q, errors, count = state
-    stay = ca.Function("stay", list(state), [q, ca.vertcat(1, errors, count, rank)])
-    go_on = ca.Function("go_on", list(state), list(rest(*state)))
-    return ca.Function.if_else("switch", stay, go_on)
-
-
-def _state(dimensions: int, setpoints: int) -> tuple[ca.MX, ...]:
-    shapes = {
-        "T": (3, 4),
-        "p_last_tip": (3, 1),
-        "bounds": (14, 1),
-        "dimensions": (dimensions, 1),
-        "squares": (setpoints, 1),
-        "last": (1, 1),
-        "q_best": (7, 1),
-        "errors_best": (2, 1),
-        "count": (1, 1),
-    }
-    return tuple(ca.MX.sym(name, *shape) for name, shape in shapes.items())
-
-
-def _squares_function(middles: FloatArray) -> ca.Function:
-    """`T -> squared distances` to the regions' middles, less a common part, n x 1."""
-    T = ca.SX.sym("T", 4, 4)
-    features = ca.vertcat(T[:3, 3], FEATURE_WEIGHT_M * ca.vec(T[:3, :3].T))
-    squares = ca.SX((middles**2).sum(axis=1)) - 2 * ca.SX(middles) @ features
-    return ca.Function("squares", [T], [squares])
-
-
-@cache
-def _nearest_function(size: int) -> ca.Function:
-    """`(squares, last) -> (index, square)`: the smallest square above the last one."""
-    squares, last = ca.SX.sym("squares", size), ca.SX.sym("last")
-    index, nearest = ca.SX(0), ca.SX(ca.inf)
-    for i in range(size):
-        is_nearer = ca.logic_and(squares[i] > last, squares[i] < nearest)
-        index = ca.if_else(is_nearer, i, index)
-        nearest = ca.if_else(is_nearer, squares[i], nearest)
-    return ca.Function("nearest", [squares, last], [index, nearest])

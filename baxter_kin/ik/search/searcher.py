@@ -1,4 +1,4 @@
-"""Searcher: runs the search function for one pose, or for many side by side."""
+"""Searcher: runs the search function for one pose, or for many in parallel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
-from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.search.map_search import search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm
@@ -27,8 +28,15 @@ from baxter_kin.kinematics.symbolic import Shape
 from baxter_kin.validation import FloatArray, Indices, member_of
 
 BATCH_SIZES = (1, 16, 64, 256)
-"""How many searches one call does in a row. Calls of the largest run side by side; what remains
-goes into the smallest that holds it, filled up with searches that end at once."""
+"""Numbers of searches in one call. Calls of the largest size run in parallel; the remainder goes
+into the smallest size that holds it, filled up with searches that end immediately."""
+
+FINE_ROUNDS = (2, 2, 4, 8, 16, 32, 64, 128)
+"""Numbers of finely computed starts in successive rounds. Few poses need them; of 100,000 poses at
+joint limits all but one were solved by the first 128."""
+
+SCATTERED_STARTS = 352
+"""If computed starts fail, one of thirty of these leads to a solution between several limits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +45,7 @@ class Found:
 
     Attributes:
         q: last iterates, shape (m, 7), rad.
-        is_valid: shape (m,), whether they converged to a valid pose inside the bounds.
+        is_valid: whether they converged to a valid pose inside the bounds, shape (m,).
         position_error_m: shape (m,).
         orientation_error_rad: shape (m,).
         iterations: shape (m,).
@@ -50,10 +58,7 @@ class Found:
     iterations: FloatArray
 
     def improve(self, at: Indices, other: Found) -> None:
-        """Replace the results at `at`, shape (k,), by others that are valid or nearer.
-
-        Valid results stay.
-        """
+        """Replace invalid results at indices, shape (k,), by others that are valid or nearer."""
         residual = self.position_error_m[at] + self.orientation_error_rad[at]
         is_nearer = other.position_error_m + other.orientation_error_rad < residual
         is_better = (is_nearer | other.is_valid) & ~self.is_valid[at]
@@ -65,18 +70,18 @@ class BatchedSearch:
     """A search function for many requests at a time."""
 
     def __init__(self, function: ca.Function, filler: tuple[FloatArray, ...]) -> None:
-        """Prepare it.
+        """Store the function.
 
         Args:
-            function: whose last inputs are the same for all requests.
-            filler: its first inputs, such that it ends at once.
+            function: the function, whose last inputs are the same for all requests.
+            filler: first inputs for which the search ends immediately.
         """
         self._function = function
         self._filler = [_rows(value) for value in filler]
         self._mapped: dict[int, BufferedFunction] = {}
 
     def __call__(self, inputs: tuple[FloatArray, ...], shared: tuple[FloatArray, ...]) -> Found:
-        """Results for inputs of shape (m, ...) each, and shared ones."""
+        """Results for inputs of shape (m, ...) each, and for shared ones."""
         count, size = len(inputs[0]), BATCH_SIZES[-1]
         parts = [slice(at, at + size) for at in range(0, max(count, 1), size)]
         with _side_by_side(len(parts)) as each:
@@ -87,7 +92,7 @@ class BatchedSearch:
     def _run(
         self, inputs: list[FloatArray], shared: tuple[FloatArray, ...]
     ) -> tuple[FloatArray, FloatArray]:
-        """One call, for no more requests than the largest batch holds."""
+        """One call, for at most as many requests as the largest size."""
         count = len(inputs[0])
         size = next(size for size in BATCH_SIZES if size >= count)
         mapped, own = self._of_size(size), len(inputs)
@@ -101,7 +106,7 @@ class BatchedSearch:
         return q[:count].copy(), report[:count].copy()
 
     def _of_size(self, size: int) -> BufferedFunction:
-        """The function for so many requests; made when first needed, which takes some ms."""
+        """The function for a number of requests; made when first needed, which takes some ms."""
         if size not in self._mapped:
             function = self._function
             shared = list(range(len(self._filler), function.n_in()))
@@ -111,13 +116,13 @@ class BatchedSearch:
 
 
 def _rows(values: FloatArray) -> FloatArray:
-    """Matrices (..., n, n) by columns, as CasADi stores them; vectors (..., n) as they are."""
+    """Matrices (..., 4, 4) by columns, as CasADi stores them; vectors (..., n) unchanged."""
     return values.swapaxes(-1, -2) if values.shape[-2:] == (4, 4) else values
 
 
 @contextmanager
 def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
-    """A `map` on all available cores when there are several calls; CasADi releases the GIL."""
+    """A `map` on all available cores if there are several calls; CasADi releases the GIL."""
     cores = min(count, len(os.sched_getaffinity(0)))
     if cores < 2:
         yield map
@@ -136,7 +141,7 @@ class BufferedSearch(BufferedFunction):
     """
 
     def __init__(self, function: ca.Function, given: tuple[FloatArray, ...]) -> None:
-        """Prepare it, with the last inputs fixed."""
+        """Store the function and the values of its last inputs."""
         super().__init__(function)
         own = len(self.inputs) - len(given)
         for memory, value in zip(self.inputs[own:], given, strict=True):
@@ -145,19 +150,11 @@ class BufferedSearch(BufferedFunction):
         self.q, self.report = (rows[0] for rows in self.outputs)
 
 
-FINE_ROUNDS = (2, 2, 4, 8, 16, 32, 64, 128)
-"""Few poses get there, and all but one of 100,000 at joint limits were solved by the first 128."""
-
-
-SCATTERED_STARTS = 352
-"""Where computed starts fail, one of these in thirty leads to a solution between several limits."""
-
-
 class Backend(str, Enum):
     """Where searches are evaluated."""
 
     AUTO = "auto"
-    """Machine code where a C compiler is found, else CasADi's virtual machine."""
+    """Machine code if a C compiler is found, else CasADi's virtual machine."""
     COMPILED = "compiled"
     CASADI = "casadi"
     IPOPT = "ipopt"
@@ -165,11 +162,7 @@ class Backend(str, Enum):
 
     @classmethod
     def of(cls, name: str | Backend) -> Backend:
-        """The backend of that name.
-
-        Raises:
-            UnknownNameError: when there is none.
-        """
+        """The backend with a name; an `UnknownNameError` if there is none."""
         return member_of(cls, "backend", name)
 
 
@@ -177,9 +170,9 @@ class Search(Protocol):
     """Runs searches.
 
     Attributes:
-        backend: where.
-        fine_rounds: how many finely computed starts it is given at once, round by round.
-        scattered_starts: how many from all over the joint ranges, for poses that are left then.
+        backend: where they run.
+        fine_rounds: numbers of finely computed starts to give it in successive rounds.
+        scattered_starts: number of starts from all over the joint ranges, for the remaining poses.
     """
 
     backend: Backend
@@ -189,19 +182,19 @@ class Search(Protocol):
     def search(
         self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
     ) -> Found:
-        """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
+        """Search from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
 
     def search_from_map(self, Ts: FloatArray) -> Found:
-        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        """Search for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
 
 
 class Searcher:
-    """The fast search of one arm for one task, ready to run.
+    """The fast search for one arm and tolerance, ready to run.
 
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
-        fine_rounds: how many finely computed starts it is given at once, round by round.
-        scattered_starts: how many from all over the joint ranges, for poses that are left then.
+        fine_rounds: as of `Search`.
+        scattered_starts: likewise.
     """
 
     fine_rounds: tuple[int, ...] = FINE_ROUNDS
@@ -233,15 +226,15 @@ class Searcher:
             self._many_from_map = BatchedSearch(from_map, (T, self._gripper_poses(T)))
 
     def search_one(self, q_start: FloatArray, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray]:
-        """One search; its input is not checked and its output not copied.
+        """Run one search; its input is not checked and its output not copied.
 
         Args:
             q_start: shape (7,), rad.
             T_base_tip: the pose.
 
         Returns:
-            Last iterate, shape (7,), and report, shape (5,), as the search function has them; both
-            are overwritten by the next search of this thread.
+            Last iterate, shape (7,), and report, shape (5,), as of `search_function`; the next
+            search of this thread overwrites both.
         """
         one = self._one
         request = one.request
@@ -251,9 +244,9 @@ class Searcher:
         return one.q, one.report
 
     def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray] | None:
-        """The same from the nearest setpoints; the report has six numbers.
+        """Run one search from the nearest setpoints; the report is that of `map_search_function`.
 
-        None for a tolerance: finding the starts that suit one takes longer.
+        None with a tolerance, for which it takes longer to find suitable starts.
         """
         one = self._one_from_map
         if one is None:
@@ -267,32 +260,31 @@ class Searcher:
     def search(
         self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
     ) -> Found:
-        """Many searches; on all cores when there are enough of them.
+        """Run many searches, on all cores if there are enough of them.
 
         Args:
             q_starts: shape (m, 7), rad.
             Ts: poses as matrices, shape (m, 4, 4).
-            bounds: others than the joint limits, shape (14,), rad.
+            bounds: instead of the joint limits, shape (14,), rad.
         """
         arm = self._arm if bounds is None else self._numbers.within(bounds)
         return self._many((q_starts, self._task.turned(Ts)), (self._given, arm))
 
     def search_from_map(self, Ts: FloatArray) -> Found:
-        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        """Search for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         if self._many_from_map is None:
             return search_from_setpoints(self, self._map, Ts)
         return self._many_from_map((Ts, self._gripper_poses(Ts)), (self._given, self._arm))
 
     def _gripper_poses(self, Ts: FloatArray) -> FloatArray:
-        """Where poses of the tip, shape (..., 4, 4), put the gripper."""
+        """Poses of the gripper for poses of the tip, shape (..., 4, 4) each."""
         return Ts if self._T_tip_gripper is None else Ts @ self._T_tip_gripper
 
 
 def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: FloatArray) -> Found:
-    """Searches for poses, shape (m, 4, 4), each from its nearest setpoints until one is valid.
+    """Search for poses, shape (m, 4, 4), each from its nearest setpoints until one is valid.
 
-    `map_search_function` does this for exact poses; here, a search with little hope goes on to its
-    last iteration.
+    `map_search_function` does this for exact poses and also stops searches that progress slowly.
     """
     nearest, poses = map_.nearest(Ts), np.arange(len(Ts))
     found = search.search(map_.setpoints[nearest[:, 0]], Ts)
@@ -309,7 +301,7 @@ def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: FloatArray) ->
 def _evaluated(shape: Shape, wanted: Backend) -> tuple[Sequence[ca.Function], Backend]:
     """The search functions for arms of a shape: as machine code, or in the virtual machine.
 
-    Functions for the other shapes are compiled at the same time, so that no robot but the first has
+    Functions for the other shapes are compiled at the same time, so that only the first robot has
     to wait.
     """
     functions = search_functions(shape)

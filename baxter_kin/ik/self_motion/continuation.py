@@ -1,17 +1,17 @@
-"""Following the self-motion of a pose step by step: predict, correct, accept or halve.
+"""Continuation along the self-motion of a pose: predict, correct, accept or halve the step.
 
 Pseudo-arclength continuation (Keller, "Numerical solution of bifurcation and nonlinear eigenvalue
 problems", 1977; Allgower and Georg, "Numerical Continuation Methods", 1990, ch. 4 to 8):
 
 - *predict* along the tangent and its last change, second order in the step;
 - *correct* by Newton's method, with steps of least norm;
-- *accept* when the corrector stays near, the tangent turns little, and `det [J; tangent']` keeps
-  its sign: a change of sign is a jump to another branch, or a way through a singularity. Otherwise
+- *accept* if the corrector stays near, the tangent turns little, and `det [J; tangent']` keeps its
+  sign: a change of sign is a jump to another branch, or a passage through a singularity. Otherwise
   halve the step.
 
-`baxter_kin.ik.self_motion.curve_kernel` takes the steps, as long ones as the curve's bends allow;
-`filled` then puts points between them. A direction ends on a joint limit, where the curve closes,
-or at a singularity.
+`baxter_kin.ik.self_motion.curve_kernel` takes the steps, as long as the bends of the curve allow;
+`filled` then inserts points between them. A direction ends on a joint limit, where the curve
+closes, or at a singularity.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from baxter_kin.ik.self_motion.curve_cubics import Segment, arc_lengths, cubics, feet
 from baxter_kin.ik.self_motion.curve_kernel import (
     MAX_TURN_RAD,
     MIN_STEP_RAD,
@@ -34,11 +35,7 @@ from baxter_kin.ik.self_motion.curve_kernel import (
 from baxter_kin.ik.self_motion.solution_curve import (
     CurvePoint,
     CurvePoints,
-    Segment,
     SolutionCurve,
-    arc_lengths,
-    cubics,
-    feet,
     whole_turns_off,
 )
 from baxter_kin.validation import FloatArray, Indices
@@ -49,15 +46,48 @@ _ROOT_WIDTH = 1e-14
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
+MAX_POINTS = 50_000
+"""Maximum in one direction, so that the walk ends; curves of Baxter have hundreds."""
+
+CLOSURE_RAD = 1e-6
+"""Distance from its start at which a curve is closed: far below the distance of two branches."""
+
+_COINCIDENT_RAD = 1e-9
+"""Points closer than this count as one."""
+
+_SIMULTANEOUS_RAD = 1e-11
+"""Joints that reach their limits within this length reach them together, up to rounding."""
+
+_MAX_BULGE = MAX_TURN_RAD / 2
+"""Maximum swing of a joint beyond both ends of a segment, as a share of the segment's length: a
+joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
+
+LONGER_ARC = 1.1
+"""Upper bound on the ratio of arc to chord; exceeds that of an arc that turns by `MAX_TURN_RAD`."""
+
+LONGEST_STEP_RAD = 0.2
+"""Maximum step; where the curve bends, steps are shorter."""
+
+CUBIC_RAD = 1e-3
+"""Upper bound on the distance of a cubic from the curve, where it selects what to examine."""
+
+_NEAR_CROSSING = 1e-3
+"""Assumed distance between the crossings of a limit by curve and cubic, as a share of a segment."""
+
+ON_LOOP_RAD, ALONG = 1e-3, 0.9
+"""Distance from the cubics of a loop at which a configuration of the pose lies on it, and cosine of
+the angle between the directions. Near singularities cubics have such errors, elsewhere less than
+1e-4."""
+
 
 def root(function: Callable[[float], float], lower: float, upper: float) -> float | None:
-    """Where `function` changes from negative or zero to positive.
+    """The argument at which `function` changes from negative or zero to positive.
 
     False position with the Illinois rule (Dowell and Jarratt, 1971): the value of an end that was
-    kept twice counts half.
+    kept twice is halved.
 
     Returns:
-        None when the ends do not differ in sign this way.
+        None if the values at the ends do not have these signs.
     """
     low, high = function(lower), function(upper)
     if low > 0.0 or high <= 0.0:
@@ -77,12 +107,13 @@ def root(function: Callable[[float], float], lower: float, upper: float) -> floa
     return lower
 
 
-def least(
+def minimum(
     function: Callable[[float], float], lower: float, upper: float, width: float
 ) -> tuple[float, float]:
-    """The least value between two ends with one minimum between them, and where it is.
+    """The minimum of a function between two ends, and its argument.
 
-    By golden section (Kiefer, 1953), until the minimum is known to lie within `width`.
+    By golden section (Kiefer, 1953), until the minimum is known to lie within `width`. The function
+    must have one minimum between the ends.
     """
     inner = [upper - _GOLDEN * (upper - lower), lower + _GOLDEN * (upper - lower)]
     values = [function(inner[0]), function(inner[1])]
@@ -98,37 +129,8 @@ def least(
     return min(zip(values, inner, strict=True))
 
 
-MAX_POINTS = 50_000
-"""In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
-
-CLOSURE_RAD = 1e-6
-"""How near a curve must pass its start to have closed: far below any two branches told apart."""
-
-_COINCIDENT_RAD = 1e-9
-"""Points closer than this are one."""
-
-_SIMULTANEOUS_RAD = 1e-11
-"""Joints that reach their limits within this length reach them together, up to rounding."""
-
-_MAX_BULGE = MAX_TURN_RAD / 2
-"""How far a joint may swing beyond both ends of a segment, as a share of the segment's length: a
-joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
-
-LONGER_ARC = 1.1
-"""Than its chord: more than that of an arc that turns by `MAX_TURN_RAD`."""
-
-LONGEST_STEP_RAD = 0.2
-"""Of the way round; where the curve bends, steps are shorter."""
-
-CUBIC_RAD = 1e-3
-"""How far a cubic may be from the curve at the very most, where it decides what to look at."""
-
-_NEAR_CROSSING = 1e-3
-"""Of a segment: how far the curve's crossing of a limit may be from the cubic's."""
-
-
 class EndKind(Enum):
-    """Why a curve goes no further."""
+    """Why a curve ends."""
 
     LIMIT = "joint limit"
     CLOSED = "closed"
@@ -138,7 +140,7 @@ class EndKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CurveEnd:
-    """Why a curve goes no further; `str()` of it is one sentence.
+    """Why a curve ends; `str()` of it is one sentence.
 
     Attributes:
         kind: the cause.
@@ -169,31 +171,32 @@ def walk_both_ways(
     """The whole curve through `start`, in its direction of travel.
 
     Args:
-        solution_curve: whose curve, of an arm whose limits hold.
+        solution_curve: the solution set of a pose.
         start: a point of it inside the limits.
 
     Returns:
-        Its points, as far apart as the curve's bends allow; the index of `start` among them; why
-        they end, at the beginning and at the end. A closed curve begins and ends with `start`.
+        Its points, as far apart as the bends of the curve allow; the index of `start` among them;
+        why the curve ends at its first and at its last point. A closed curve begins and ends with
+        `start`.
     """
     ahead, last = walk(solution_curve, start)
     if last.kind is EndKind.CLOSED:
         return ahead, 0, (last, last)
     behind, first = walk(solution_curve, start.reversed())
     before = behind.reversed()
-    if first.kind is EndKind.CLOSED:  # the other way round failed at a turn
+    if first.kind is EndKind.CLOSED:  # the other direction failed at a turn
         return before, 0, (first, first)
     return before.then(ahead.part(slice(1, None))), len(before) - 1, (first, last)
 
 
 def walk(solution_curve: SolutionCurve, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
-    """The points from `start` on in its direction of travel, and why they end.
+    """The points from `start` on in its direction of travel, and why the curve ends.
 
-    The last one stands exactly on a limit, or is `start` again when the curve closes; without
-    limits joints may have made whole turns by then.
+    The last point is exactly on a limit, or is `start` again if the curve closes; without limits,
+    joints may have made whole turns by then.
 
     Args:
-        solution_curve: whose curve, of an arm whose limits hold.
+        solution_curve: the solution set of a pose.
         start: a point of it inside the limits.
     """
     points = CurvePoints.of([start])
@@ -222,12 +225,12 @@ def filled(
     """The same points with others between them, at most `step_rad` apart.
 
     Args:
-        solution_curve: whose curve.
-        points: two or more, no farther apart than `walk` leaves them.
+        solution_curve: the solution set of a pose.
+        points: two or more, no farther apart than those of `walk`.
         step_rad: the longest arc between neighbours, rad; one for all, or for each of the arcs.
 
     Returns:
-        The points, and where among them those given are, shape (n,).
+        The points, and the indices of the given points among them, shape (n,).
     """
     chords = whole_turns_off(np.diff(points.q, axis=0))
     counts = np.ceil(arc_lengths(chords, points.tangent[:-1], points.tangent[1:]) / step_rad)
@@ -249,14 +252,7 @@ def filled(
 
 
 def may_leave(points: CurvePoints) -> NDArray[np.bool_]:
-    """Whether the curve may be inside the limits and leave them, or enter them, after each point.
-
-    Args:
-        points: n of them.
-
-    Returns:
-        Shape (n - 1,).
-    """
+    """Whether the curve may leave or enter the limits between n points, shape (n - 1,)."""
     chords = points.chords_rad
     one, other = points.clearance_rad[:-1], points.clearance_rad[1:]
     is_near = np.minimum(one, other) < 2.0 * _MAX_BULGE * chords
@@ -265,7 +261,7 @@ def may_leave(points: CurvePoints) -> NDArray[np.bool_]:
 
 
 def _may_end(solution_curve: SolutionCurve, points: CurvePoints, start: CurvePoint) -> Indices:
-    """Between which points and the next the curve may leave the limits, or pass the start."""
+    """The points after which the curve may leave the limits, or pass the start."""
     along = solution_curve.way(start.q, points.q) @ start.tangent
     is_suspect = (along[:-1] < 0.0) & (along[1:] >= 0.0)
     if solution_curve.has_limits:
@@ -274,9 +270,9 @@ def _may_end(solution_curve: SolutionCurve, points: CurvePoints, start: CurvePoi
 
 
 def with_last(points: CurvePoints, last: CurvePoint) -> CurvePoints:
-    """The points closed off by `last`, which takes the place of the one it coincides with.
+    """The points with `last` at the end, in place of a last point with which it coincides.
 
-    Unless that is the start: then the start, as good as on the limit, stays the only point.
+    If that is the only point, it stays.
     """
     if np.abs(last.q - points.q[-1]).max() > _COINCIDENT_RAD:
         return points.then(CurvePoints.of([last]))
@@ -284,10 +280,10 @@ def with_last(points: CurvePoints, last: CurvePoint) -> CurvePoints:
 
 
 def limit_on(solution_curve: SolutionCurve, segment: Segment) -> tuple[CurvePoint, CurveEnd] | None:
-    """Where the segment first leaves the limits: the point there, exactly on the limit.
+    """The point at which the segment first leaves the limits, exactly on the limit.
 
-    When several joints leave there, all stand on their limits, and the one nearest to the shoulder
-    is named.
+    If several joints leave there, all are on their limits, and the one nearest to the shoulder is
+    named.
     """
     crossings = []
     for joint, bound, outward in _suspects(solution_curve, segment):
@@ -310,7 +306,7 @@ def limit_on(solution_curve: SolutionCurve, segment: Segment) -> tuple[CurvePoin
 
 
 def _suspects(solution_curve: SolutionCurve, segment: Segment) -> list[tuple[int, float, float]]:
-    """Joints that may leave their range on the segment: index, the bound, +1 above or -1 below."""
+    """Joints that may leave their range on the segment: index, bound, +1 above or -1 below."""
     a, b = segment.a, segment.b
     bulge = _MAX_BULGE * segment.length_rad
     above = np.maximum(a.q, b.q) + bulge > solution_curve.q_max
@@ -322,7 +318,7 @@ def _suspects(solution_curve: SolutionCurve, segment: Segment) -> list[tuple[int
 
 
 def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> float | None:
-    """The share of the segment at which the joint first goes beyond the bound."""
+    """The share of the segment at which the joint first exceeds the bound."""
     c0, c1, c2, c3 = segment.coefficients(joint)
 
     def beyond(u: float) -> float:
@@ -348,7 +344,7 @@ def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> flo
 def _closure_on(
     solution_curve: SolutionCurve, segment: Segment, start: CurvePoint
 ) -> tuple[CurvePoint, CurveEnd] | None:
-    """Where the segment passes through the start again: the start, as the curve's last point."""
+    """The start as the last point of the curve, if the segment passes through it again."""
     behind, ahead = (
         solution_curve.way(start.q, segment.a.q),
         solution_curve.way(start.q, segment.b.q),
@@ -367,19 +363,13 @@ def _closure_on(
     return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)
 
 
-ON_LOOP_RAD, ALONG = 1e-3, 0.9
-"""How near to the cubics between its points a configuration of the pose lies on a loop, and the
-cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
-less than 1e-4."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """The curve of a pose through a point, whatever the limits.
+    """The curve of a pose through a point, with the limits ignored.
 
     Attributes:
-        points: less whole turns, as near to the middle of the joint ranges as they come.
-        ends: why it goes no further: it closed, unless it meets a singularity.
+        points: as near to the middle of the joint ranges as whole turns allow.
+        ends: why it ends: it is closed, unless it meets a singularity.
     """
 
     points: CurvePoints
@@ -387,7 +377,7 @@ class Loop:
 
     @classmethod
     def through(cls, solution_curve: SolutionCurve, start: CurvePoint) -> Loop:
-        """Follow it from a point, inside the limits or not."""
+        """The loop through a point inside or outside the limits."""
         points, _, ends = walk_both_ways(solution_curve.without_limits, start)
         return cls(solution_curve.into_range(points), ends)
 
@@ -401,8 +391,8 @@ class Loop:
 
         Args:
             q: shape (n, 7), rad.
-            tangent: in the direction that every curve has, shape (n, 7); where two strands pass
-                each other closely, they go opposite ways.
+            tangent: in the direction that every curve has, shape (n, 7); two parts of a loop that
+                are close to each other have opposite directions.
 
         Returns:
             Shape (n,).
@@ -416,7 +406,7 @@ class Loop:
 
 
 def loops_near(solution_curve: SolutionCurve, starts: FloatArray) -> list[Loop]:
-    """The loops that Newton's method leads to from configurations, shape (n, 7), rad."""
+    """The loops to which Newton's method leads from configurations, shape (n, 7), rad."""
     found = solution_curve.nearest_many(starts)
     is_good = found.residual <= RESIDUAL_TOLERANCE
     places = solution_curve.points(found, found.tangent).part(is_good)

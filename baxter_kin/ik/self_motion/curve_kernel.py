@@ -9,11 +9,11 @@ One evaluation at `q` factors the transposed Jacobian, `J' = Q [R; 0]`, by House
 - a measure of rank: `1 / |R^-1|`, in the Frobenius norm at most the smallest singular value of J,
   and more than a third of it.
 
-One step of continuation (`baxter_kin.ik.self_motion.continuation` says what decides) is four
-evaluations; so many of them in a row are one function, since a call from Python costs as much as
-several steps.
+One step of continuation (with the criteria of `baxter_kin.ik.self_motion.continuation`) is four
+evaluations; `BLOCK` steps are one function, since a call from Python costs as much as several
+steps.
 
-An arm's dimensions are inputs, all of them: for arms as drawn, fewer save no time, and their right
+All dimensions of an arm are inputs: for arms as drawn, fewer would save no time, and their right
 angles would be exact only to the eleven digits of the URDF.
 """
 
@@ -39,41 +39,41 @@ BLOCK = 32
 """Steps of continuation in one call."""
 
 LANES = 32
-"""Configurations that one call corrects."""
+"""Number of configurations that one call corrects."""
 
 CORRECTIONS = 3
-"""Newton steps of one call: from 0.01 rad off to rounding."""
+"""Newton steps of one call: from a distance of 0.01 rad to rounding."""
 
 MAX_TURN_RAD = 0.2
-"""How far the tangent may turn in one step; keeps cubics between the points good to
+"""Maximum turn of the tangent in one step, for which cubics between the points are accurate to
 1e-4 rad, mostly to 1e-5."""
 
 MIN_STEP_RAD = 1e-6
-"""A curve that asks for shorter steps turns as sharply as where branches meet."""
+"""A curve that needs shorter steps turns as sharply as where branches meet."""
 
 SINGULAR = 1e-6
 """Smallest singular value of J, in m and rad, at which its rank counts as five.
 
 It grows in proportion to the distance from the singularity, by 0.001 to 1 per rad. Two branches
-that pass so closely reach poses that differ by about 1e-12 to a thousand times as much: they cannot
-be told apart safely."""
+this close reach poses that differ by about 1e-12 to a thousand times as much: they cannot be
+distinguished safely."""
 
 _MAX_CORRECTION = 0.25
-"""Of a step, as a share of it: a corrector that goes farther may be on another branch."""
+"""Maximum correction as a share of the step; beyond, it may lead to another branch."""
 
 _MAX_NEWTON_RAD = 1.0
 
 RESIDUAL_TOLERANCE = 1e-12
-"""Of a corrected configuration: norm of the pose error, in m and rad together. Rounding leaves
+"""Norm of the pose error of a corrected configuration, in m and rad together. Rounding causes
 1e-15."""
 
 _GROWTH = 1.5
-"""Of the step where the curve is straight enough for the longer one."""
+"""Growth of the step where the curve is straight enough for the longer one."""
 
 
 @cache
 def curve_functions() -> tuple[ca.Function, ...]:
-    """Measure one, correct one, correct `LANES`, march `BLOCK` steps; into columns of numbers.
+    """The functions to measure one, correct one, correct `LANES`, and march `BLOCK` steps.
 
     The last two inputs of each are a pose of the last axis seen from the first, 4 x 4, and the
     arm's dimensions (`dimensions_of`).
@@ -109,10 +109,11 @@ def _newton_function() -> ca.Function:
 
 
 class _Householder:
-    """`A = Q [R; 0]` for a matrix with one row more than columns, written out.
+    """`A = Q [R; 0]` for a matrix with one row more than columns, as expressions.
 
     Attributes:
-        determinant: the product of the diagonal of R: det [A, Q e_n], the reflections being even.
+        determinant: the product of the diagonal of R: det [A, Q e_n] for an even number of
+            reflections.
         rank: 1 / |R^-1|.
     """
 
@@ -173,7 +174,7 @@ def _correct_function(newton: ca.Function) -> ca.Function:
 
 
 def _bounded(dq: ca.MX) -> ca.MX:
-    """A Newton step, cut off where it leaves what it knows of."""
+    """A Newton step, shortened to the range in which the linearisation is useful."""
     return dq / ca.fmax(1, ca.norm_2(dq) / _MAX_NEWTON_RAD)
 
 
@@ -221,14 +222,14 @@ def _step_function(newton: ca.Function) -> ca.Function:
 
 
 class Corrected(NamedTuple):
-    """Configurations after Newton's method, and what is measured there; n of them.
+    """n configurations after Newton's method, with their measures.
 
     Attributes:
         q: shape (n, 7), rad.
         tangent: unit null vectors with positive `det [J; tangent']`, shape (n, 7).
         determinant: that determinant, shape (n,).
         residual: norm of the pose error, m and rad together, shape (n,).
-        rank: at most the smallest singular value of J and more than a third of it, shape (n,).
+        rank: between a third of the smallest singular value of J and that value, shape (n,).
     """
 
     q: FloatArray
@@ -239,14 +240,14 @@ class Corrected(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Accepted steps of continuation, n of them, and what goes on from there.
+    """n accepted steps of continuation, and the state to continue from.
 
     Attributes:
         q: shape (n, 7), rad.
         tangent: unit directions of travel, shape (n, 7).
         determinant: `det [J; tangent']`, shape (n,).
         residual: norm of the pose error, m and rad together, shape (n,).
-        state: of the last attempt; hand it to the next call.
+        state: of the last attempt, for the next call.
     """
 
     q: FloatArray
@@ -262,7 +263,7 @@ class Steps(NamedTuple):
 
 
 class CurveKernel:
-    """The functions for one arm; any number of threads."""
+    """The functions for one arm, for any number of threads."""
 
     def __init__(self, dh: DHParameters, functions: Sequence[ca.Function]) -> None:
         self._measure, self._one, self._many, self._march = map(BufferedFunction, functions)
@@ -272,11 +273,11 @@ class CurveKernel:
 
     @classmethod
     def of(cls, arm: Arm) -> CurveKernel:
-        """That of an arm, as machine code where it can be."""
+        """The kernel of an arm, as machine code if possible."""
         return _kernel(arm)
 
     def measured(self, q: FloatArray, T: FloatArray) -> Corrected:
-        """What `corrected` tells of one configuration, shape (7,), rad, where it is.
+        """The measures of one configuration, without correction.
 
         Args:
             q: shape (7,), rad.
@@ -293,12 +294,12 @@ class CurveKernel:
             T: the pose as a matrix, shape (4, 4).
 
         Returns:
-            Rows of one; no number where a matrix is singular.
+            Arrays for n = 1; NaN where a matrix is singular.
         """
         return _corrected(self._one(q[None], normal[None], *self._shared(T))[0])
 
     def corrected_many(self, q: FloatArray, normal: FloatArray, T: FloatArray) -> Corrected:
-        """The same for configurations of one pose, shape (n, 7)."""
+        """As `corrected`, for configurations of one pose, shape (n, 7)."""
         parts, shared = [np.empty((0, 17))], self._shared(T)
         for at in range(0, len(q), LANES):
             part = slice(at, at + LANES)
@@ -309,11 +310,11 @@ class CurveKernel:
     def start_state(
         self, q: FloatArray, tangent: FloatArray, determinant: float, step_rad: float
     ) -> FloatArray:
-        """What `march` starts from: a point of the curve and its direction of travel."""
+        """The state from which `march` starts: a point of the curve and its direction of travel."""
         return np.concatenate([q, tangent, np.zeros(7), [step_rad, determinant, 1.0, 0.0]])
 
     def march(self, state: FloatArray, T: FloatArray, max_step_rad: float) -> Steps:
-        """`BLOCK` attempts at a step; those that fail halve the next one.
+        """Make `BLOCK` attempts at a step; a failed attempt halves the next one.
 
         Args:
             state: from `start_state` or the last call.

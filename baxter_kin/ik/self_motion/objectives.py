@@ -1,8 +1,8 @@
-"""Which configuration of a pose is best: objectives, and the best point of self-motion curves.
+"""Objectives, and the best configuration of a pose on its self-motion curves.
 
-An objective gives every configuration a cost; less is better. `best_on` searches a whole curve, not
-the neighbourhood of a start, so its answer is the best of the curve's connected piece; `best_of`
-that of several.
+An objective assigns a cost to every configuration; less is better. `best_on` searches a whole
+curve, not the neighbourhood of a start, so its result is the best of the connected piece; `best_of`
+searches several curves.
 """
 
 from __future__ import annotations
@@ -14,58 +14,54 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.display import OneLine, numbers, quoted
+from baxter_kin.display import quoted
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.fields import Frozen
-from baxter_kin.ik.self_motion.continuation import least
+from baxter_kin.fields import array, frozen
+from baxter_kin.ik.self_motion.continuation import minimum
 from baxter_kin.ik.self_motion.tracing import SelfMotion
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, finite_array, finite_rows, member_of
 
 PRECISION_RAD = 1e-9
-"""To which the best arc length is narrowed down; a smooth minimum cannot be located better than to
-the root of the machine precision."""
+"""Precision of the best arc length; a smooth minimum cannot be located better than to the root of
+the machine precision."""
 
 
 class Scope(str, Enum):
-    """Among which solutions an objective chooses."""
+    """The solutions among which an objective chooses."""
 
     ALL = "all"
     """All solutions of the pose, also those that the arm reaches only by moving its tip away."""
     CURVE = "curve"
-    """The connected curve through the solution that was found: without moving the tip, the arm can
-    move from that one to the best."""
+    """The connected curve through the first solution: the arm can move from that one to the best
+    without moving the tip."""
 
     @classmethod
     def of(cls, scope: str | Scope) -> Scope:
-        """The scope of that name.
-
-        Raises:
-            UnknownNameError: when there is none.
-        """
+        """The scope with a name; an `UnknownNameError` if there is none."""
         return member_of(cls, "scope", scope)
 
 
 class Objective(Protocol):
-    """What makes one configuration of a pose better than another."""
+    """Compares configurations of a pose."""
 
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """The cost of each of n configurations; less is better.
 
         Args:
-            arm: whose configurations.
-            q: shape (n, 7), rad.
+            arm: the arm.
+            q: its configurations, shape (n, 7), rad.
 
         Returns:
             Shape (n,), finite, continuous in `q`.
         """
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class NearestTo(Frozen, OneLine):
+@frozen(error=ConfigurationError)
+class NearestTo:
     """Nearest to a seed in joint space.
 
-    Cost: `1/2 |q - q_seed|^2`, in rad^2: the least joint motion from where the arm is (Whitney,
+    Cost: `1/2 |q - q_seed|^2`, in rad^2: the smallest joint motion from a configuration (Whitney,
     "Resolved motion rate control of manipulators and human prostheses", 1969, for velocities).
 
     Attributes:
@@ -75,20 +71,13 @@ class NearestTo(Frozen, OneLine):
         ConfigurationError: when `q_seed` has another shape or is not finite.
     """
 
-    q_seed: FloatArray
-
-    def __post_init__(self) -> None:
-        seed = finite_array(self.q_seed, (7,), "q_seed", ConfigurationError)
-        object.__setattr__(self, "q_seed", seed)
+    q_seed: FloatArray = array(7)
 
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the seed, shape (n,), rad^2."""
         rows = finite_rows(q, 7, "q", ConfigurationError)
         squares = np.square(rows - self.q_seed)
         return np.array(0.5 * squares.sum(axis=1))
-
-    def _facts(self) -> tuple[str, ...]:
-        return (f"q_seed={numbers(self.q_seed)} rad",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +90,7 @@ class FarthestFromLimits:
     """
 
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
-        """Minus the least distance to a limit, as a share of the half range, shape (n,)."""
+        """Minus the smallest distance to a limit, as a share of the half range, shape (n,)."""
         limits = expect(arm, Arm, "arm", RequestError).limits
         q_min, q_max = limits.q_min, limits.q_max
         q = finite_rows(q, 7, "q", ConfigurationError)
@@ -129,20 +118,20 @@ class MostManipulable:
 def best_on(curve: SelfMotion, objective: Objective) -> FloatArray:
     """The best configuration of a whole curve, shape (7,), rad, inside the limits.
 
-    Every minimum between neighbouring points that may be the least is narrowed down to
-    `PRECISION_RAD` by golden section, on exact configurations (Kiefer, 1953). The least of all is
-    found when the cost has at most one minimum between neighbours: trace with a smaller step for an
-    objective that is rougher than these here.
+    Every minimum between neighbouring points that may be the lowest is located to `PRECISION_RAD`
+    by golden section, on exact configurations (Kiefer, 1953). The lowest is found if the cost has
+    at most one minimum between neighbours: trace with a smaller step for an objective that is
+    rougher than those of this module.
 
     Raises:
-        RequestError: when `curve` is no `SelfMotion` or `objective` none, or when the costs have
-            another shape than (n,) or are not finite.
+        RequestError: when `curve` is not a `SelfMotion`, `objective` has no costs, or the costs
+            have another shape than (n,) or are not finite.
     """
     return best_of([expect(curve, SelfMotion, "curve", RequestError)], objective)
 
 
 def best_of(curves: Sequence[SelfMotion], objective: Objective) -> FloatArray:
-    """The best configuration of several curves of one arm, as `best_on` of one; one or more."""
+    """The best configuration of one or more curves of an arm; as `best_on`."""
     _checked_objective(objective)
     arm, sizes = curves[0].arm, [len(curve.q) for curve in curves]
     costs = _checked_costs(objective, arm, np.concatenate([curve.q for curve in curves]))
@@ -151,14 +140,14 @@ def best_of(curves: Sequence[SelfMotion], objective: Objective) -> FloatArray:
     candidates = [(float(costs.min()), best, float(curves[best].s[np.argmin(parts[best])]))]
     for i, (curve, part) in enumerate(zip(curves, parts, strict=True)):
         for bracket in _brackets(curve, part, float(costs.min())):
-            worth, s = least(_along(curve, objective), *bracket, PRECISION_RAD)
-            candidates.append((worth, i, s))
+            cost, s = minimum(_along(curve, objective), *bracket, PRECISION_RAD)
+            candidates.append((cost, i, s))
     _, i, s = min(candidates)
     return curves[i].at(s)
 
 
 def _along(curve: SelfMotion, objective: Objective) -> Callable[[float], float]:
-    """The cost at a length along the curve."""
+    """The cost as a function of the length along the curve."""
     at = curve.sampler()
 
     def cost(s: float) -> float:
@@ -168,18 +157,18 @@ def _along(curve: SelfMotion, objective: Objective) -> Callable[[float], float]:
 
 
 def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
-    """Among which solutions an objective chooses: all, unless it says otherwise."""
+    """The scope of an objective, by default all solutions."""
     if objective is not None:
         _checked_objective(objective)
     elif scope is not None:
         raise RequestError(
-            "scope says among which solutions an objective chooses; give an objective too"
+            "scope selects the solutions among which an objective chooses; give an objective too"
         )
     return Scope.ALL if scope is None else Scope.of(scope)
 
 
 def _checked_objective(objective: object) -> None:
-    """Refuse what cannot say costs."""
+    """Refuse an object without costs."""
     if isinstance(objective, type) or not callable(getattr(objective, "costs", None)):
         raise RequestError(
             "objective must be an object with a method costs(arm, q), such as FarthestFromLimits() "
@@ -193,7 +182,7 @@ def _checked_costs(objective: Objective, arm: Arm, q: FloatArray) -> FloatArray:
 
 
 def _brackets(curve: SelfMotion, costs: FloatArray, lowest: float) -> list[tuple[float, float]]:
-    """Stretches of arc length that contain a minimum which may be below the lowest cost known."""
+    """Intervals of arc length with a minimum that may be below the lowest known cost."""
     s = curve.s
     if len(s) < 2:
         return []

@@ -1,13 +1,13 @@
 """All connected pieces of a pose's self-motion inside the limits.
 
-Loops are found first, with the limits ignored (`baxter_kin.ik.self_motion.continuation`): from
-solutions, and from the closed form's sweep over s0, whose configurations need not be solutions,
-only close to one. Then they are cut exactly on the limits.
+First, loops are found with the limits ignored (`baxter_kin.ik.self_motion.continuation`): from
+solutions, and from the sweep of the closed form over s0, whose configurations need only be close to
+solutions. Then they are cut exactly on the limits.
 
-The cubics between the points of a loop show, sample by sample, where it comes close to limits; more
-points of the curve are added there. Then nearly every crossing is that of one joint alone between
-two neighbouring points, and all of these are found together, by Newton's method with the joint held
-on its limit. The other crossings are found one by one.
+Samples of the cubics between the points of a loop show where it is close to limits; points of the
+curve are added there. Then nearly every crossing is that of one joint alone between two
+neighbouring points, and all of these are computed together, by Newton's method with the joint held
+on its limit. The other crossings are computed one by one.
 """
 
 from __future__ import annotations
@@ -31,21 +31,19 @@ from baxter_kin.ik.self_motion.continuation import (
     EndKind,
     Loop,
     filled,
-    least,
     limit_on,
     loops_near,
     may_leave,
+    minimum,
     with_last,
 )
+from baxter_kin.ik.self_motion.curve_cubics import Segment, cubics, feet
 from baxter_kin.ik.self_motion.curve_kernel import RESIDUAL_TOLERANCE
 from baxter_kin.ik.self_motion.solution_curve import (
     TOUCHING_RAD,
     CurvePoint,
     CurvePoints,
-    Segment,
     SolutionCurve,
-    cubics,
-    feet,
     whole_turns_off,
 )
 from baxter_kin.ik.self_motion.tracing import SelfMotion, curve_of, trace_self_motion
@@ -53,20 +51,43 @@ from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 
 NEAR_LIMITS_RAD = 0.02
-"""Longest step along a loop where it may cross limits. Shorter pieces are found all the same,
-unless two of them, or two of the gaps between them, lie within one step."""
+"""Longest step along a loop where it may cross limits. Shorter pieces are found as well, unless two
+of them, or two of the gaps between them, are within one step."""
 
 _SAMPLES = 13
-"""Of a cubic, in search of limits between its ends."""
+"""Number of samples of a cubic in the search for limits between its ends."""
 
 _SHARE = 1e-8
-"""Of a segment, to which the point farthest inside the limits is narrowed down."""
+"""Precision of the point farthest inside the limits, as a share of a segment."""
 
 Cut: TypeAlias = tuple[CurvePoint, CurveEnd]
-"""Where a curve leaves the limits, and why it ends there."""
+"""The point at which a curve leaves the limits, and why it ends there."""
 
 Cuts: TypeAlias = tuple[Cut | None, Cut | None]
-"""Where a curve leaves the limits between two points, and where it enters them."""
+"""The points at which a curve leaves and enters the limits between two of its points."""
+
+SAME_CURVE_RAD = 1e-4
+"""Distance from a curve at which a candidate lies on it. Candidates reach the pose only to 1e-6,
+which moves them up to 100 times as far near singularities; pieces are much farther apart."""
+
+AT_LIMITS_RAD = 2e-3
+"""Distance from a limit within which a candidate may be on a piece too short to be found."""
+
+MARGIN_RAD = 0.01
+"""Upper bound on the distance of a curve from the box around its points."""
+
+STARTS = 64
+"""Number of random seeds from which `solutions` finds candidates."""
+
+TURNS = 48
+"""Number of angles of s0 in the sweep: 0.07 rad apart."""
+
+SLACK_RAD = 0.3
+"""How far outside the limits a configuration of the sweep may be to follow its loop."""
+
+MISFIT = 0.05
+"""Allowed clipping of sines and cosines of a configuration of the sweep: from there, Newton's
+method leads to loops that lie between two angles of s0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +95,8 @@ class Piece:
     """A connected part of a loop inside the limits.
 
     Attributes:
-        points: of the curve; a closed one begins and ends with the same.
-        ends: why it goes no further.
+        points: of the curve; a closed one begins and ends with the same point.
+        ends: why it ends.
     """
 
     points: CurvePoints
@@ -83,7 +104,7 @@ class Piece:
 
 
 def pieces_inside(solution_curve: SolutionCurve, loops: Sequence[Loop]) -> Iterator[Piece]:
-    """The parts of loops inside the limits, loop by loop, in order."""
+    """The parts of loops inside the limits, in the order of the loops."""
     if not loops:
         return
     begins = np.cumsum([0, *(len(loop.points) for loop in loops)])
@@ -95,7 +116,7 @@ def pieces_inside(solution_curve: SolutionCurve, loops: Sequence[Loop]) -> Itera
 
 
 def _joined(parts: list[Piece]) -> list[Piece]:
-    """The parts of one loop; of a closed one, the first and the last are one if neither is cut."""
+    """The parts of one loop; first and last are joined if it is closed and not cut at its start."""
     if len(parts) < 2 or not parts[0].ends[0].kind is parts[-1].ends[1].kind is EndKind.CLOSED:
         return parts
     first, last = parts[0], parts[-1]
@@ -104,15 +125,15 @@ def _joined(parts: list[Piece]) -> list[Piece]:
 
 
 class _Cutter:
-    """Looks for limits along loops, one after the other in one array."""
+    """Finds crossings of limits along loops, which are stored one after the other in one array."""
 
     def __init__(self, solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices) -> None:
-        """Look at all points together.
+        """Examine all points together.
 
         Args:
-            solution_curve: of an arm whose limits hold.
+            solution_curve: the solution set of the pose, with limits.
             points: of all loops, close to each other near limits.
-            gaps: the last points of all loops but the last.
+            gaps: indices of the last points of all loops except the last.
         """
         self._curve, self._points = solution_curve, points
         self._suspects = _changing(solution_curve, points, gaps)
@@ -122,7 +143,7 @@ class _Cutter:
     def close_to_limits(
         cls, solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices
     ) -> tuple[_Cutter, Indices]:
-        """The same for points any distance apart, and where they are among the closer ones."""
+        """A cutter for points at any distance, with points added, and the indices of the given."""
         if len(points) < 2:
             return cls(solution_curve, points, gaps), np.arange(len(points))
         chords = points.chords_rad
@@ -137,7 +158,7 @@ class _Cutter:
         return cls(solution_curve, solution_curve.into_range(closer), places[gaps]), places
 
     def parts(self, first: int, last: int, ends: tuple[CurveEnd, CurveEnd]) -> Iterator[Piece]:
-        """The parts inside the limits of the loop between two points, with its ends."""
+        """The parts inside the limits of the loop between two points."""
         points = self._points
         begin = first if points.clearance_rad[first] >= 0.0 else None
         entry: Cut = points[first], ends[0]
@@ -156,7 +177,7 @@ class _Cutter:
             yield _piece(points.part(slice(begin, last + 1)), entry, (points[last], ends[1]))
 
     def _cuts(self, i: int) -> Cuts:
-        """Between that point and the next. Of a piece that lies there altogether: both its ends."""
+        """The cuts between a point and the next; both ends of a piece between the two."""
         a, b = self._points[i], self._points[i + 1]
         is_inside, stays = a.clearance_rad >= 0.0, b.clearance_rad >= 0.0
         if not (is_inside or stays):
@@ -169,25 +190,25 @@ class _Cutter:
         return exit_, entry
 
     def _exit(self, a: CurvePoint, b: CurvePoint) -> Cut | None:
-        """Where the curve first leaves the limits after `a`, which is inside; or None."""
+        """The first cut at which the curve leaves the limits after `a`, which is inside."""
         solution_curve = self._curve
         segment = _segment(solution_curve, a, b)
         found = limit_on(solution_curve, segment)
         if found is not None or b.clearance_rad >= 0.0:
             return found
-        on = a if a.clearance_rad < -b.clearance_rad else segment.b  # as good as on the limit
+        on = a if a.clearance_rad < -b.clearance_rad else segment.b  # on the limit up to rounding
         joint = int(np.argmin(np.minimum(on.q - solution_curve.q_min, solution_curve.q_max - on.q)))
         point = solution_curve.touching(on.q, on.tangent)
         names = solution_curve.arm.limits.names
         return point, CurveEnd(EndKind.LIMIT, names[joint], float(point.q[joint]))
 
     def _entry(self, a: CurvePoint, b: CurvePoint) -> Cut | None:
-        """Where the curve last enters the limits before `b`, which is inside."""
+        """The last cut at which the curve enters the limits before `b`, which is inside."""
         found = self._exit(b.reversed(), a.reversed())
         return None if found is None else (found[0].reversed(), found[1])
 
     def _deepest(self, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:
-        """The point farthest inside the limits between two outside, if it is inside."""
+        """The point farthest inside the limits between two points outside, if it is inside."""
         solution_curve, segment = self._curve, _segment(self._curve, a, b)
         u = np.linspace(0.0, 1.0, _SAMPLES**2)
         both = CurvePoints.of([segment.a, segment.b])
@@ -200,14 +221,14 @@ class _Cutter:
             return -float(solution_curve.clearance_rad(segment.exact(share)))
 
         bracket = float(u[max(best - 1, 0)]), float(u[min(best + 1, len(u) - 1)])
-        excess, share = least(outside, *bracket, _SHARE)
+        excess, share = minimum(outside, *bracket, _SHARE)
         if excess > TOUCHING_RAD:
             return None
         return solution_curve.touching(segment.exact(share), segment.direction(share))
 
 
 def _changing(solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices) -> Indices:
-    """After which points the curve may leave or enter the limits, judged by its cubics."""
+    """The points after which the curve may leave or enter the limits, judged by its cubics."""
     if len(points) < 2:
         return np.empty(0, dtype=np.intp)
     is_suspect = may_leave(points)
@@ -225,7 +246,7 @@ def _changing(solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices)
 
 
 def _rate(solution_curve: SolutionCurve, points: CurvePoints) -> FloatArray:
-    """How the clearance changes along the curve at each point, shape (n,)."""
+    """The derivative of the clearance along the curve at each point, shape (n,)."""
     side = np.concatenate(
         [points.q - solution_curve.q_min, solution_curve.q_max - points.q], axis=1
     ).argmin(axis=1)
@@ -244,7 +265,7 @@ def _sampled(solution_curve: SolutionCurve, points: CurvePoints, segment: Indice
 def _single_crossings(
     solution_curve: SolutionCurve, points: CurvePoints, segment: Indices
 ) -> dict[int, Cuts]:
-    """The cuts of segments on which one joint crosses a limit, and none other is near to one."""
+    """The cuts of segments on which one joint crosses a limit and no other is near one."""
     room = np.concatenate(
         [points.q - solution_curve.q_min, solution_curve.q_max - points.q], axis=1
     )
@@ -266,14 +287,14 @@ def _held(
     side: Indices,
     u: FloatArray,
 ) -> dict[int, Cuts]:
-    """The cuts where joints cross limits near to shares of segments; only those that are sure.
+    """The cuts at which joints cross limits; only those that are certain.
 
     Args:
-        solution_curve: of an arm whose limits hold.
+        solution_curve: the solution set of the pose, with limits.
         points: of the loops.
-        segment: after which points, shape (k,).
+        segment: indices of the points before the crossings, shape (k,).
         side: the joint that crosses, 0 to 6 its lower limit, 7 to 13 its upper one, shape (k,).
-        u: about where, shape (k,).
+        u: approximate shares of the segments, shape (k,).
     """
     joint, rows = side % 7, np.arange(len(segment))
     bound = np.concatenate([solution_curve.q_min, solution_curve.q_max])[side]
@@ -298,33 +319,9 @@ def _segment(solution_curve: SolutionCurve, a: CurvePoint, b: CurvePoint) -> Seg
 
 
 def _piece(points: CurvePoints, entry: Cut, exit_: Cut) -> Piece:
-    """The piece of those points, closed off on both sides."""
+    """The piece of some points between two cuts."""
     begun = with_last(points.reversed(), entry[0].reversed()).reversed()
     return Piece(with_last(begun, exit_[0]), (entry[1], exit_[1]))
-
-
-SAME_CURVE_RAD = 1e-4
-"""How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves
-them up to 100 times as far where the Jacobian is weak; pieces are much farther apart."""
-
-AT_LIMITS_RAD = 2e-3
-"""How near to a limit a candidate may be on a piece so short that it was not seen."""
-
-MARGIN_RAD = 0.01
-"""How far a curve bulges out of the box around its points, and more."""
-
-STARTS = 64
-"""Random seeds from which `solutions` gathers its candidates."""
-
-TURNS = 48
-"""Angles of s0 that are swept: 0.07 rad apart."""
-
-SLACK_RAD = 0.3
-"""How far outside the limits a swept configuration may be to have its loop followed."""
-
-MISFIT = 0.05
-"""By how much the sines and cosines of a swept configuration may have been clipped: Newton's method
-leads from there to loops that lie between two angles of s0."""
 
 
 def all_pieces(
@@ -337,11 +334,11 @@ def all_pieces(
     starts: int = STARTS,
     rng: np.random.Generator | None = None,
 ) -> tuple[SelfMotion, ...]:
-    """The pieces of all loops that a sweep over s0 and searches from random seeds lead to.
+    """The pieces of all loops that are found by a sweep over s0 and by searches from random seeds.
 
     Args:
-        arm: whose joints move.
-        search: of that arm.
+        arm: the arm.
+        search: a search for that arm.
         pose: of its tip, seen from base.
         step_rad: longest step along the curves.
         known: a solution, shape (7,), rad.
@@ -363,29 +360,32 @@ def pieces_through(
     step_rad: float,
     nearby: FloatArray | None = None,
 ) -> tuple[SelfMotion, ...]:
-    """The pieces of all loops through candidates, and through what is near to solutions.
+    """The pieces of all loops through candidates, and near other configurations.
 
     Args:
-        solution_curve: of the pose and the arm whose limits hold.
+        solution_curve: the solution set of the pose, with limits.
         candidates: solutions, shape (n, 7), rad.
         step_rad: longest step along the curves.
-        nearby: from where Newton's method, limits ignored, leads to more loops, shape (m, 7), rad.
+        nearby: configurations from which Newton's method leads to more loops, shape (m, 7), rad.
     """
     starts = candidates if nearby is None else np.concatenate([candidates, nearby])
     pieces = list(pieces_inside(solution_curve, loops_near(solution_curve, starts)))
-    curves = apart(sorted(_curves(solution_curve, pieces, step_rad), key=order))
-    astray = candidates[_at_limits(solution_curve, candidates)]
-    astray = astray[off_curves(curves, astray)]
-    while len(astray):
-        curves.append(traced(solution_curve.arm, astray[0], solution_curve.T_base_tip, step_rad))
-        astray = astray[1:][off_curves(curves[-1:], astray[1:])]
-    return tuple(sorted(curves, key=order))
+    curves = [
+        as_curve(solution_curve, piece) for piece in filled_pieces(solution_curve, pieces, step_rad)
+    ]
+    curves = without_duplicates(sorted(curves, key=sort_key))
+    left = candidates[_at_limits(solution_curve, candidates)]
+    left = left[off_curves(curves, left)]
+    while len(left):
+        curves.append(traced(solution_curve.arm, left[0], solution_curve.T_base_tip, step_rad))
+        left = left[1:][off_curves(curves[-1:], left[1:])]
+    return tuple(sorted(curves, key=sort_key))
 
 
 def _at_limits(solution_curve: SolutionCurve, candidates: FloatArray) -> NDArray[np.bool_]:
-    """Which candidates may lie on no piece of their loop, or on none that was seen: shape (n,).
+    """Which candidates may not lie on any piece that was found, shape (n,).
 
-    Others are inside the limits where they meet the loop.
+    All others are inside the limits where they meet their loop.
     """
     found = solution_curve.nearest_many(candidates)
     is_inside = solution_curve.clearance_rad(found.q) > AT_LIMITS_RAD
@@ -407,14 +407,6 @@ def _closed_form(arm: Arm) -> ClosedForm:
     return ClosedForm(arm.at_gripper, turns=TURNS, rolls=1)
 
 
-def _curves(
-    solution_curve: SolutionCurve, pieces: list[Piece], step_rad: float
-) -> list[SelfMotion]:
-    return [
-        as_curve(solution_curve, piece) for piece in filled_pieces(solution_curve, pieces, step_rad)
-    ]
-
-
 def filled_pieces(
     solution_curve: SolutionCurve, pieces: list[Piece], step_rad: float
 ) -> list[Piece]:
@@ -433,16 +425,16 @@ def filled_pieces(
 
 
 def as_curve(solution_curve: SolutionCurve, piece: Piece) -> SelfMotion:
-    """A piece as a curve; one that is not closed begins to count where it is deepest."""
+    """A piece as a curve; the start of an open one is its point farthest inside the limits."""
     is_closed = piece.ends[0].kind is EndKind.CLOSED
     start = 0 if is_closed else int(np.argmax(piece.points.clearance_rad))
     return curve_of(solution_curve, piece.points, start, piece.ends)
 
 
-def apart(curves: list[SelfMotion]) -> list[SelfMotion]:
-    """Those of them, the longest first, that are not on others.
+def without_duplicates(curves: list[SelfMotion]) -> list[SelfMotion]:
+    """The curves, longest first, without those that lie on others.
 
-    Two loops that meet at a singularity share what was traced from there.
+    Two loops that meet at a singularity share the parts that were traced from there.
     """
     if len(curves) < 2:
         return curves
@@ -475,9 +467,9 @@ def off_curves(curves: list[SelfMotion], q: FloatArray) -> NDArray[np.bool_]:
 
 
 def traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotion:
-    """The curve through `q`; of the pose that `q` itself reaches where it cannot reach `pose`.
+    """The curve through `q`; of the pose that `q` itself reaches if it cannot reach `pose`.
 
-    That happens to pieces shorter than the candidates are exact, cornered between limits.
+    That happens on pieces between limits that are shorter than the errors of the candidates.
     """
     try:
         return trace_self_motion(arm, q, T_base_tip=pose, step_rad=step_rad)
@@ -485,7 +477,7 @@ def traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotio
         return trace_self_motion(arm, q, step_rad=step_rad)
 
 
-def order(curve: SelfMotion) -> tuple[float, ...]:
-    """What pieces are sorted by: the longest first, then the lowest joint values on them."""
+def sort_key(curve: SelfMotion) -> tuple[float, ...]:
+    """The key by which pieces are sorted: longest first, then lowest joint values."""
     lowest = np.round(curve.q.min(axis=0), 3)
     return (-round(curve.length_rad, 3), *lowest.tolist())

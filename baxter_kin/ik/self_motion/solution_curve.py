@@ -2,10 +2,10 @@
 
 For seven joints the solution set is a curve wherever the Jacobian J (6 x 7) has full rank; its unit
 tangent spans the null space of J. The cofactors of J are a null vector that is continuous in q,
-which gives every curve one direction: the one in which `det [J; tangent']` is positive.
+which defines one direction of every curve: the one in which `det [J; tangent']` is positive.
 
-Where the rank drops to five, the null space is a plane and the set is no curve: two branches
-cross, or the point stands alone. Second derivatives decide (Allgower and Georg, "Numerical
+Where the rank drops to five, the null space is a plane and the set is not a curve: two branches
+cross, or the point is isolated. Second derivatives decide (Allgower and Georg, "Numerical
 Continuation Methods", 1990, ch. 8): with w the left null vector of J and N a basis of the plane,
 the branches leave along those N a for which the quadratic form `w' (dJ along N a) N a` vanishes.
 """
@@ -30,7 +30,28 @@ from baxter_kin.ik.self_motion.curve_kernel import (
     Steps,
 )
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray
+
+TOUCHING_RAD = 1e-11
+"""Excess of a joint over its limits that is attributed to rounding: of the pose, of limits, of
+points on several limits at once."""
+
+POSE_MISMATCH = 1e-5
+"""Allowed error, in m and rad together, of a configuration that is given for a pose: ten times the
+tolerance of the IK service."""
+
+_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
+"""Number of calls of three Newton steps each, and the maximum distance of the result."""
+
+_REPEATS = 2
+"""Number of additional calls for configurations far from the curve, such as those of the closed
+form for a calibrated arm."""
+
+_DIFFERENCE_RAD = 1e-4
+"""Step of the central difference of J: its error, the square, is far below `_FLAT`."""
+
+_FLAT = 1e-6
+"""Curvature, 1/rad, below which the quadratic form counts as zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +63,7 @@ class CurvePoint:
         tangent: unit direction of travel, shape (7,).
         determinant: of `[J; tangent']`; its size is Yoshikawa's manipulability.
         residual: norm of the pose error, m and rad together.
-        clearance_rad: from the joint nearest to a limit to that limit; below zero outside.
+        clearance_rad: distance of the joint nearest to a limit from that limit; negative outside.
     """
 
     q: FloatArray
@@ -57,13 +78,13 @@ class CurvePoint:
         return self.determinant, self.residual, self.clearance_rad
 
     def reversed(self) -> CurvePoint:
-        """The same point, travelled the other way."""
+        """The same point with the opposite direction of travel."""
         return replace(self, tangent=-self.tangent, determinant=-self.determinant)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvePoints:
-    """Points of the curve in order, n of them, in one array that is quickly cut and joined.
+    """n points of the curve in order, in one array that is quickly cut and joined.
 
     Attributes:
         rows: q, tangent, determinant, residual and clearance of each, as of `CurvePoint`; shape
@@ -74,7 +95,7 @@ class CurvePoints:
 
     @classmethod
     def of(cls, points: Iterable[CurvePoint]) -> CurvePoints:
-        """Those points."""
+        """The points as one array."""
         rows = [np.concatenate([p.q, p.tangent, p.measures]) for p in points]
         return cls(np.reshape(rows, (-1, 17)))
 
@@ -90,7 +111,7 @@ class CurvePoints:
 
     @property
     def determinant(self) -> FloatArray:
-        """Of `[J; tangent']`, shape (n,)."""
+        """Determinants of `[J; tangent']`, shape (n,)."""
         return self.rows[:, 14]
 
     @property
@@ -100,12 +121,12 @@ class CurvePoints:
 
     @property
     def clearance_rad(self) -> FloatArray:
-        """From the joint nearest to a limit to that limit, shape (n,); below zero outside."""
+        """Distances of the joint nearest to a limit from it, shape (n,); negative outside."""
         return self.rows[:, 16]
 
     @property
     def chords_rad(self) -> FloatArray:
-        """Distances between neighbours, whole turns of joints apart, shape (n - 1,), rad."""
+        """Distances between neighbours, up to whole turns of joints, shape (n - 1,), rad."""
         squares = np.square(whole_turns_off(np.diff(self.q, axis=0))).sum(axis=1)
         return np.asarray(np.sqrt(squares))
 
@@ -117,58 +138,36 @@ class CurvePoints:
         return CurvePoint(row[:7], row[7:14], *row[14:].tolist())
 
     def part(self, index: slice | NDArray[np.generic]) -> CurvePoints:
-        """Some of them."""
+        """Some of the points."""
         return CurvePoints(self.rows[index])
 
     def reversed(self) -> CurvePoints:
-        """The same points, travelled the other way."""
+        """The same points in the opposite direction of travel."""
         rows = np.array(self.rows[::-1])
         rows[:, 7:15] *= -1.0
         return CurvePoints(rows)
 
     def then(self, *others: CurvePoints) -> CurvePoints:
-        """These points, then others."""
+        """These points, followed by others."""
         return CurvePoints(np.concatenate([self.rows, *(other.rows for other in others)]))
 
 
 def whole_turns_off(angles: FloatArray) -> FloatArray:
-    """The same angles but for whole turns, in [-pi, pi]."""
+    """The same angles up to whole turns, in [-pi, pi]."""
     turns = np.round(angles / (2.0 * math.pi))
     return angles - 2.0 * math.pi * turns
-
-
-TOUCHING_RAD = 1e-11
-"""How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
-several limits at once."""
-
-POSE_MISMATCH = 1e-5
-"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
-the tolerance of the IK service."""
-
-_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
-"""Calls of three Newton steps each, and how far all of them may lead."""
-
-_REPEATS = 2
-"""More such calls for what is far from the curve, as closed forms of an arm as drawn are from that
-of a calibrated one."""
-
-_DIFFERENCE_RAD = 1e-4
-"""Step of the central difference of J: its error, the square, is far below `_FLAT`."""
-
-_FLAT = 1e-6
-"""Curvature, 1/rad, below which the quadratic form counts as zero."""
 
 
 class SolutionCurve:
     """All configurations of an arm that reach one pose.
 
     Attributes:
-        arm: whose joints reach it.
+        arm: the arm.
         T_base_tip: the pose of the tip, seen from base.
-        kernel: computes along its curves.
+        kernel: computes along the curves.
         has_limits: whether curves end on joint limits.
-        q_min: where curves end, shape (7,), rad: the arm's lower limits, or minus infinity.
-        q_max: the same above.
+        q_min: lower limits at which curves end, shape (7,), rad; minus infinity without limits.
+        q_max: upper limits, likewise.
     """
 
     def __init__(self, arm: Arm, T_base_tip: pin.SE3, *, has_limits: bool = True) -> None:
@@ -186,11 +185,11 @@ class SolutionCurve:
 
     @cached_property
     def without_limits(self) -> SolutionCurve:
-        """The same pose, whatever the limits."""
+        """The solution set of the same pose with the limits ignored."""
         return SolutionCurve(self.arm, self.T_base_tip, has_limits=False)
 
     def limited_by(self, joints: Iterable[int]) -> SolutionCurve:
-        """The same pose, with the limits of these joints alone: for cutting curves that exist."""
+        """The same pose with the limits of some joints alone, to cut existing curves."""
         limited = SolutionCurve(self.arm, self.T_base_tip)
         is_limited = np.isin(np.arange(7), list(joints))
         limited.q_min = np.where(is_limited, self.q_min, -np.inf)
@@ -200,7 +199,7 @@ class SolutionCurve:
     def error(self, q: FloatArray) -> FloatArray:
         """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.
 
-        Along the axes of base up to the square of the error; of the right size whatever it is.
+        It is along the axes of base up to the square of the error; its norm is exact.
         """
         twist = pin.log6(self.arm.T_base_tip(q).actInv(self.T_base_tip)).vector
         error: FloatArray = self._base_from_tip @ twist
@@ -219,7 +218,7 @@ class SolutionCurve:
             tolerance: the residual to reach, m and rad together.
 
         Returns:
-            None when it does not converge nearby.
+            None if it does not converge nearby.
         """
         moved = q
         for _ in range(_CORRECTIONS):
@@ -231,7 +230,7 @@ class SolutionCurve:
         return None
 
     def onto(self, q: FloatArray) -> FloatArray:
-        """The configuration next to `q` that reaches the pose inside the limits."""
+        """The configuration next to `q` that reaches the pose inside the limits, or an error."""
         limits = self.arm.limits
         miss = float(np.linalg.norm(self.error(q)))
         if miss > POSE_MISMATCH:
@@ -255,7 +254,7 @@ class SolutionCurve:
         )
 
     def corrected_many(self, q: FloatArray, normal: FloatArray) -> Corrected:
-        """The same for configurations, shape (n, 7), with their residuals, however large."""
+        """The same for configurations, shape (n, 7), with residuals of any size."""
         return self.kernel.corrected_many(q, normal, self._matrix)
 
     def nearest_many(self, q: FloatArray) -> Corrected:
@@ -278,7 +277,7 @@ class SolutionCurve:
         """The point of the curve at `q`, its tangent on the side of `ahead`.
 
         Args:
-            q: shape (7,), rad; as good as on the curve.
+            q: shape (7,), rad; on the curve up to rounding.
             ahead: shape (7,).
         """
         return self.points(self.kernel.measured(q, self._matrix), ahead[None])[0]
@@ -291,9 +290,9 @@ class SolutionCurve:
         return CurvePoints(np.column_stack(columns))
 
     def into_range(self, points: CurvePoints) -> CurvePoints:
-        """The points less whole turns: as near to the middle of the ranges as they come.
+        """The points as near to the middle of the joint ranges as whole turns allow.
 
-        Those outside a limit by no more than `TOUCHING_RAD` are put on it.
+        Those outside a limit by at most `TOUCHING_RAD` are moved onto it.
         """
         rows = np.array(points.rows)
         rows[:, :7] = self.turned(points.q)
@@ -303,15 +302,15 @@ class SolutionCurve:
         return CurvePoints(rows)
 
     def touching(self, q: FloatArray, ahead: FloatArray) -> CurvePoint:
-        """As `point`, moved onto the limits where `q` is outside by rounding."""
+        """As `point`, moved onto the limits if `q` is outside by rounding."""
         return self.point(np.clip(q, self.q_min, self.q_max), ahead)
 
     def turned(self, q: FloatArray) -> FloatArray:
-        """Configurations less whole turns, shape (n, 7), rad, likewise."""
+        """Configurations as near to the middle of the ranges, shape (n, 7), rad."""
         return self._middle + whole_turns_off(q - self._middle)
 
     def clearance_rad(self, q: FloatArray) -> FloatArray:
-        """How far the joint nearest to a limit is inside it; below zero outside.
+        """Distance of the joint nearest to a limit from that limit; negative outside.
 
         Args:
             q: shape (..., 7), rad.
@@ -323,14 +322,14 @@ class SolutionCurve:
         return clearance
 
     def start(self, q: FloatArray, towards: FloatArray | None = None) -> CurvePoint | None:
-        """The point of the curve at `q`, travelled in the direction every curve has.
+        """The point of the curve at `q`, in the direction that every curve has.
 
-        Where two branches cross, the branch whose direction is nearest to `towards`, shape (7,), on
-        its side; without `towards`, the first branch, on the side on which the joint that moves
-        most grows. The determinant is zero there.
+        If two branches cross there, it is on the branch whose direction is nearest to `towards`,
+        shape (7,), and on its side; without `towards`, on the first branch, in the direction in
+        which the fastest joint increases. The determinant is zero there.
 
         Returns:
-            None when the point stands alone.
+            None if the point is isolated.
         """
         J, residual = self.arm.jacobian(q), float(np.linalg.norm(self.error(q)))
         U, sigma, Vt = np.linalg.svd(J)
@@ -349,7 +348,7 @@ class SolutionCurve:
     def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """The joint motion between two configurations, shape (7,), rad.
 
-        Without limits whole turns of a joint do not count. Inside limits there are none.
+        Without limits, whole turns of a joint are ignored. Inside limits there are none.
         """
         if self.has_limits:
             return end - start
@@ -376,7 +375,7 @@ class SolutionCurve:
 
 
 def _orthonormal(T: pin.SE3) -> pin.SE3:
-    """The pose with the rotation nearest to its own, which may be off by rounded digits.
+    """The pose with the nearest orthonormal rotation, since digits may have been rounded.
 
     The orthogonal factor of the polar decomposition (Higham, 1986).
     """
@@ -390,196 +389,3 @@ def _nearest_direction(directions: list[FloatArray], towards: FloatArray | None)
         return first if first[np.argmax(np.abs(first))] > 0.0 else -first
     best = max(directions, key=lambda direction: abs(float(direction @ towards)))
     return best if best @ towards >= 0.0 else -best
-
-
-_EXACT = 1e-13
-"""Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""
-
-
-_PROJECTIONS = 3
-
-_RIVALS = 4
-"""Segments that are looked at, those whose chords are nearest: curves pass each other closely."""
-
-
-class Segment:
-    """The curve from one point to the next, by Hermite's cubic through both and their tangents."""
-
-    def __init__(self, solution_curve: SolutionCurve, a: CurvePoint, b: CurvePoint) -> None:
-        self._curve = solution_curve
-        self.a, self.b = a, b
-        self._chord = b.q - a.q
-        self.length_rad = float(arc_lengths(self._chord, a.tangent, b.tangent))
-
-    def estimate(self, u: float) -> FloatArray:
-        """The cubic at a share `u` of the way, in [0, 1], shape (7,), rad.
-
-        Off the curve by the fourth power of the length.
-        """
-        return self._cubic(u)[0]
-
-    def direction(self, u: float) -> FloatArray:
-        """The unit direction of the cubic at `u`, shape (7,)."""
-        slope = self._cubic(u)[1]
-        unit: FloatArray = slope / math.sqrt(slope @ slope)
-        return unit
-
-    def exact(self, u: float) -> FloatArray:
-        """The configuration of the curve at `u`, shape (7,), rad, a fresh array.
-
-        Where the corrector fails, which takes a singularity: the nearer end.
-        """
-        if u in (0.0, 1.0):
-            return np.array(self.b.q if u else self.a.q)
-        found = self._curve.corrected(*self._cubic(u), _EXACT)
-        if found is None:
-            return np.array(self.a.q if u < 0.5 else self.b.q)
-        return found[0]
-
-    def _cubic(self, u: float) -> tuple[FloatArray, FloatArray]:
-        weights = _weights(u, self.length_rad)
-        position, slope = weights @ np.array([self._chord, self.a.tangent, self.b.tangent])
-        return self.a.q + position, slope
-
-    def coefficients(self, joint: int) -> tuple[float, float, float, float]:
-        """Of that joint of the cubic, as powers of `u` from 0 to 3, rad."""
-        h, rise = self.length_rad, float(self._chord[joint])
-        first, last = h * float(self.a.tangent[joint]), h * float(self.b.tangent[joint])
-        return (
-            float(self.a.q[joint]),
-            first,
-            3.0 * rise - 2.0 * first - last,
-            first + last - 2 * rise,
-        )
-
-    def turns(self, joint: int) -> list[float]:
-        """0, 1, and between them, in order, where that joint of the cubic turns back."""
-        _, c1, c2, c3 = self.coefficients(joint)
-        return [
-            0.0,
-            *sorted(u for u in _quadratic_roots(3.0 * c3, 2.0 * c2, c1) if 0.0 < u < 1.0),
-            1.0,
-        ]
-
-
-def cubics(
-    q: FloatArray, tangent: FloatArray, segment: Indices, u: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Points and slopes of the cubics between the points of a curve.
-
-    Args:
-        q: the points, shape (n, 7), rad; whole turns between neighbours do not count.
-        tangent: unit directions there, shape (n, 7).
-        segment: on which of the n - 1 cubics, shape (k,).
-        u: at which share of it, in [0, 1], shape (k,).
-
-    Returns:
-        Configurations, rad, and what the cubics do there per share, rad; shape (k, 7) each.
-    """
-    chord = whole_turns_off(np.diff(q, axis=0))
-    length = arc_lengths(chord, tangent[:-1], tangent[1:])[segment]
-    ends = np.array([chord[segment], tangent[segment], tangent[segment + 1]])
-    position, slope = np.einsum("ijk,jkl->ikl", _weights(u, length), ends)
-    return q[segment] + position, slope
-
-
-def feet(
-    q: FloatArray, tangent: FloatArray, near: FloatArray, breaks: Indices | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """How far configurations are from the cubics through points, and how these run there.
-
-    Whole turns of a joint do not count. Exact for those closer than the bends of the curve.
-
-    Args:
-        q: points of one curve or of several, one after the other, two or more of each; shape
-            (n, 7), rad.
-        tangent: unit directions there, shape (n, 7).
-        near: the configurations, shape (k, 7), rad.
-        breaks: the first points of all curves but the first.
-
-    Returns:
-        Distances, shape (k,), rad, and unit directions of the cubics, shape (k, 7).
-    """
-    squares = _chord_distances(_on_circles(q), _on_circles(near))
-    if breaks is not None:
-        squares[:, breaks - 1] = np.inf
-    count = min(_RIVALS, squares.shape[1])
-    segment = np.argpartition(squares, count - 1, axis=1)[:, :count].ravel()
-    each = np.repeat(near, count, axis=0)
-    distance, direction = _cubic_feet(q, tangent, each, segment)
-    distance = distance.reshape(len(near), count)
-    best = np.argmin(distance, axis=1) + count * np.arange(len(near))
-    return distance.ravel()[best], direction[best]
-
-
-def _chord_distances(points: FloatArray, near: FloatArray) -> FloatArray:
-    """Squares of the distances from points, (k, m), to chords of a polygon, (n, m): (k, n - 1)."""
-    start, chord = points[:-1], np.diff(points, axis=0)
-    length = np.square(chord).sum(axis=1).clip(min=np.finfo(float).tiny)
-    along = (near @ chord.T - (start * chord).sum(axis=1)) / length
-    share = along.clip(0.0, 1.0)
-    offset = np.square(near).sum(axis=1)[:, None] - 2.0 * near @ start.T
-    offset += np.square(start).sum(axis=1)
-    squares: FloatArray = offset + length * share * (share - 2.0 * along)
-    return squares
-
-
-def _cubic_feet(
-    q: FloatArray, tangent: FloatArray, near: FloatArray, segment: Indices
-) -> tuple[FloatArray, FloatArray]:
-    """`feet` on one segment each, by Newton's method on the share of the way."""
-    start, chord = q[segment], whole_turns_off(q[segment + 1] - q[segment])
-    ends = np.array([chord, tangent[segment], tangent[segment + 1]])
-    length = arc_lengths(*ends)
-    miss = offset = whole_turns_off(near - start)
-    slope, u = chord, np.zeros(len(near))
-    for _ in range(_PROJECTIONS):
-        step = (miss * slope).sum(axis=1) / np.square(slope).sum(axis=1)
-        u = (u + step).clip(0.0, 1.0)
-        position, slope = np.einsum("ijk,jkl->ikl", _weights(u, length), ends)
-        miss = offset - position
-    distance: FloatArray = np.sqrt(np.square(miss).sum(axis=1))
-    return distance, slope / np.sqrt(np.square(slope).sum(axis=1))[:, None]
-
-
-def _on_circles(q: FloatArray) -> FloatArray:
-    """Each angle as a point of the unit circle, shape (n, 14): whole turns make no difference."""
-    return np.concatenate([np.cos(q), np.sin(q)], axis=1)
-
-
-def _weights(u: float | FloatArray, h: float | FloatArray) -> FloatArray:
-    """What chord and both tangents count in Hermite's cubic, and in its slope: shape (2, 3, ...).
-
-    Args:
-        u: shares of the way, shape (...).
-        h: lengths, shape (...), rad.
-    """
-    back = 1.0 - u
-    position = u * u * (3.0 - 2.0 * u), h * u * back * back, -h * u * u * back
-    slope = 6.0 * u * back, h * back * (1.0 - 3.0 * u), -h * u * (2.0 - 3.0 * u)
-    return np.array([position, slope])
-
-
-def _quadratic_roots(a: float, b: float, c: float) -> list[float]:
-    """The real roots of `a u^2 + b u + c`, without cancellation (Press et al., 1992, 5.6)."""
-    square = b * b - 4.0 * a * c
-    if square < 0.0:
-        return []
-    t = -0.5 * (b + math.copysign(math.sqrt(square), b))
-    return [over / under for over, under in ((t, a), (c, t)) if under != 0.0]
-
-
-def arc_lengths(chord: FloatArray, tangent_a: FloatArray, tangent_b: FloatArray) -> FloatArray:
-    """The lengths of cubics between points whose unit tangents are known, shape (...), rad.
-
-    Simpson's rule on the speed of the cubic; off by the fifth power of the length.
-
-    Args:
-        chord: from a to b, shape (..., 7), rad.
-        tangent_a: shape (..., 7).
-        tangent_b: shape (..., 7).
-    """
-    straight = np.sqrt(np.square(chord).sum(axis=-1))
-    middle = 1.5 * chord - 0.25 * straight[..., None] * (tangent_a + tangent_b)
-    lengths: FloatArray = (straight + 2.0 * np.sqrt(np.square(middle).sum(axis=-1))) / 3.0
-    return lengths

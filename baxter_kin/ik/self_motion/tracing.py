@@ -1,100 +1,94 @@
-"""The self-motion of a pose: the curve of configurations that keep the tip where it is.
+"""The self-motion of a pose: the curve of configurations that keep the tip at the pose.
 
-Seven joints reach a pose of six coordinates along a curve: the arm's elbow swings while the hand
-stands still (Burdick, "On the inverse kinematics of redundant manipulators: characterization of the
-self-motion manifolds", ICRA 1989). Joint limits cut it into connected pieces. `trace_self_motion`
-follows the piece through one configuration to both its ends;
-`baxter_kin.ik.self_motion.continuation` says how.
+The configurations of seven joints that reach a pose of six coordinates form a curve: the elbow of
+the arm swings while the hand stands still (Burdick, "On the inverse kinematics of redundant
+manipulators: characterization of the self-motion manifolds", ICRA 1989). Joint limits cut it into
+connected pieces. `trace_self_motion` follows the piece through one configuration to both its ends,
+by the method of `baxter_kin.ik.self_motion.continuation`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import count
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.fields import Frozen
+from baxter_kin.fields import array, field, frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.self_motion.continuation import CurveEnd, EndKind, filled, walk_both_ways
-from baxter_kin.ik.self_motion.solution_curve import (
-    CurvePoint,
-    CurvePoints,
-    Segment,
-    SolutionCurve,
-    arc_lengths,
-)
+from baxter_kin.ik.self_motion.curve_cubics import Segment, arc_lengths
+from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,
-    check_fields,
     expect,
     finite_array,
-    finite_rows,
     finite_scalar,
     positive_scalar,
 )
 
 STEP_RAD = 0.02
-"""Longest step along the curve: a few hundred points for a whole curve."""
+"""Default longest step along a curve: a few hundred points for a whole curve."""
 
-LEAST_STEP_RAD, MOST_STEP_RAD = 0.001, 0.2
-"""Steps that may be asked for: shorter ones give curves of ten thousands of points, with longer
-ones the corrector may land on another branch."""
+ALLOWED_STEPS_RAD = 0.001, 0.2
+"""Range of the longest step: shorter ones give curves of ten thousands of points; with longer ones
+the corrector may converge to another branch."""
 
 _OUTSIDE_RAD = 1e-9
-"""How far beyond the ends of a curve an arc length may lie, from rounding."""
+"""Distance beyond the ends of a curve that is attributed to rounding."""
 
 _NEAREST_ITERATIONS = 20
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SelfMotion(Frozen, OneLine):
-    """One connected piece of the self-motion of a pose, between its ends; n points.
+def _copied(given: Any) -> Any:
+    return pin.SE3(given) if isinstance(given, pin.SE3) else given
 
-    It runs in the direction in which `det [J; tangent']` is positive, wherever the tracing began.
-    A closed curve begins and ends at the configuration from which it was traced.
+
+@frozen(error=ConfigurationError)
+class SelfMotion:
+    """One connected piece of the self-motion of a pose, as n points.
+
+    Its direction is the one in which `det [J; tangent']` is positive, independent of the start of
+    the tracing. A closed curve begins and ends at the configuration from which it was traced.
 
     Attributes:
-        arm: whose joints move.
+        arm: the arm.
         T_base_tip: the pose, seen from base.
         q: configurations along the curve, shape (n, 7), rad, inside the limits.
         s: length of the curve in joint space up to each of them, shape (n,), rad, from 0.
         tangent: unit direction dq/ds at each, shape (n, 7).
         manipulability: sqrt(det(J J')) at each, shape (n,), of J in m and rad (Yoshikawa,
             "Manipulability of robotic mechanisms", 1985).
-        limit_distance_rad: how far the joint nearest to a limit is from it, shape (n,), rad.
-        pose_residual: the worst norm of the pose error at any of them, m and rad together.
-        s_start: where on the curve the tracing began, rad.
-        ends: why the curve goes no further, at its beginning and at its end.
+        limit_distance_rad: distance of the joint nearest to a limit from that limit, (n,), rad.
+        pose_residual: the largest norm of the pose error at any of them, m and rad together.
+        s_start: length along the curve at which the tracing began, rad.
+        ends: why the curve ends, at its first and at its last point.
     """
 
     arm: Arm
-    T_base_tip: pin.SE3
-    q: FloatArray
-    s: FloatArray
-    tangent: FloatArray
-    manipulability: FloatArray
-    limit_distance_rad: FloatArray
+    T_base_tip: pin.SE3 = field(converter=_copied)
+    q: FloatArray = array(None, 7)
+    s: FloatArray = array(None)
+    tangent: FloatArray = array(None, 7)
+    manipulability: FloatArray = array(None)
+    limit_distance_rad: FloatArray = array(None)
     pose_residual: float
     s_start: float
     ends: tuple[CurveEnd, CurveEnd]
 
-    def __post_init__(self) -> None:
-        check_fields(self, ConfigurationError)
-        n = len(finite_rows(self.q, 7, "q", ConfigurationError))
-        if n == 0:
-            raise ConfigurationError("a curve has one point or more, got none")
-        shapes = {"q": (n, 7), "s": (n,), "tangent": (n, 7)}
-        shapes |= {"manipulability": (n,), "limit_distance_rad": (n,)}
-        for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, ConfigurationError)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "T_base_tip", pin.SE3(self.T_base_tip))
+    def __attrs_post_init__(self) -> None:
+        arrays = self.q, self.s, self.tangent, self.manipulability, self.limit_distance_rad
+        lengths = {len(each) for each in arrays}
+        if len(lengths) > 1 or lengths == {0}:
+            raise ConfigurationError(
+                "the arrays of a curve must have one point or more, and as many each; got "
+                f"{', '.join(map(str, sorted(lengths)))}"
+            )
 
     @property
     def is_closed(self) -> bool:
@@ -109,7 +103,7 @@ class SelfMotion(Frozen, OneLine):
     def at(self, s: float) -> FloatArray:
         """The configuration at a length `s` along the curve, shape (7,), rad, inside the limits.
 
-        Exact: interpolated, then corrected to the pose. On a closed curve `s` may go round.
+        It is exact: interpolated, then corrected to the pose. On a closed curve `s` is periodic.
 
         Raises:
             RequestError: when `s` is not a finite number, or beyond the ends of an open curve.
@@ -117,7 +111,7 @@ class SelfMotion(Frozen, OneLine):
         return self.sampler()(finite_scalar(s, "s", RequestError))
 
     def sampler(self) -> Callable[[float], FloatArray]:
-        """What `at` does, for finite numbers: quicker where many are wanted."""
+        """The function `at` for finite numbers, which is faster for many of them."""
         solution_curve, limits = SolutionCurve(self.arm, self.T_base_tip), self.arm.limits
 
         def at(s: float) -> FloatArray:
@@ -130,10 +124,11 @@ class SelfMotion(Frozen, OneLine):
         return at
 
     def nearest(self, q: ArrayLike) -> tuple[float, float]:
-        """Where the curve passes `q` most closely: the length along it, and the distance; both rad.
+        """The point of the curve nearest to `q`: its length along the curve, and its distance, rad.
 
         Args:
-            q: shape (7,), rad; any finite values. Exact for `q` closer than the curve's bends.
+            q: shape (7,), rad; any finite values. Exact if `q` is closer than the bends of the
+                curve.
 
         Raises:
             ConfigurationError: when `q` has another shape or is not finite.
@@ -182,7 +177,7 @@ class SelfMotion(Frozen, OneLine):
         return direction
 
     def _placed(self, s: float) -> tuple[int, float]:
-        """The segment in which `s` lies, and the share of it that lies before."""
+        """The segment that contains `s`, and the share of it before `s`."""
         i = min(int(np.searchsorted(self.s, s, side="right")), len(self.s) - 1) - 1
         return i, float((s - self.s[i]) / (self.s[i + 1] - self.s[i]))
 
@@ -201,24 +196,24 @@ def trace_self_motion(
 ) -> SelfMotion:
     """The connected piece of a pose's self-motion that contains `q`.
 
-    Where `q` is singular, two branches cross and the piece is no curve. One branch is followed
-    through `q`; on any other curve, and at the next singularity, tracing stops there. Where no
-    branch leaves `q`, the answer is that single point.
+    If `q` is singular, two branches cross there and the piece is not a curve. One branch is then
+    followed through `q`; at any other singularity tracing stops. If no branch leaves `q`, the
+    result is that single point.
 
     Args:
-        arm: whose joints move.
+        arm: the arm.
         q: a configuration inside the limits, shape (7,), rad.
-        T_base_tip: the pose, where `q` reaches it only nearly; then the curve begins next to `q`.
-            Without it, the pose that `q` reaches.
-        step_rad: longest step along the curve; shorter ones are taken where it turns sharply.
-        towards: at a singular `q`, the direction whose branch to follow, shape (7,).
+        T_base_tip: the pose, if `q` reaches it only approximately; the curve then begins next to
+            `q`. By default the pose that `q` reaches.
+        step_rad: longest step along the curve; steps are shorter where it turns sharply.
+        towards: for a singular `q`, the direction of the branch to follow, shape (7,).
 
     Raises:
         ConfigurationError: when `q` has another shape, is not finite or is outside the limits, or
             when no configuration next to it reaches `T_base_tip` inside the limits.
-        RequestError: when the step is not in `LEAST_STEP_RAD` .. `MOST_STEP_RAD`, or `towards` is
-            no direction, or `arm` no arm.
-        PoseError: when `T_base_tip` is no pose.
+        RequestError: when the step is outside `ALLOWED_STEPS_RAD`, `towards` is not a direction, or
+            `arm` is not an `Arm`.
+        PoseError: when `T_base_tip` is not a valid pose.
     """
     q = expect(arm, Arm, "arm", RequestError).limits.check(q, "q")
     step_rad = checked_step(step_rad)
@@ -238,11 +233,11 @@ def trace_self_motion(
 
 
 def checked_step(step_rad: float) -> float:
-    """A step along a curve, if it may be asked for."""
+    """A step along a curve, if it is allowed."""
     step = positive_scalar(step_rad, "step_rad", RequestError)
-    if not LEAST_STEP_RAD <= step <= MOST_STEP_RAD:
-        allowed = f"{LEAST_STEP_RAD:g} .. {MOST_STEP_RAD:g}"
-        raise RequestError(f"step_rad must be in {allowed}, got {step:g}")
+    shortest, longest = ALLOWED_STEPS_RAD
+    if not shortest <= step <= longest:
+        raise RequestError(f"step_rad must be in {shortest:g} .. {longest:g}, got {step:g}")
     return step
 
 
@@ -260,13 +255,13 @@ def assembled(
     ends: tuple[CurveEnd, CurveEnd],
     step_rad: float,
 ) -> SelfMotion:
-    """The curve through points, with others between them.
+    """The curve through the points of a walk, with others between them.
 
     Args:
-        solution_curve: whose curve.
-        points: as `baxter_kin.ik.self_motion.continuation.walk` leaves them.
-        start: which of them the tracing began at.
-        ends: why they end.
+        solution_curve: the solution set of the pose.
+        points: as of `baxter_kin.ik.self_motion.continuation.walk`.
+        start: index of the point at which the tracing began.
+        ends: why the curve ends.
         step_rad: the longest step.
     """
     if len(points) == 1:
@@ -278,7 +273,7 @@ def assembled(
 def curve_of(
     solution_curve: SolutionCurve, points: CurvePoints, start: int, ends: tuple[CurveEnd, CurveEnd]
 ) -> SelfMotion:
-    """The curve of points that are close enough; arguments as for `assembled`."""
+    """The curve of points that are close enough; arguments as of `assembled`."""
     lengths = arc_lengths(np.diff(points.q, axis=0), points.tangent[:-1], points.tangent[1:])
     s = np.concatenate([[0.0], np.cumsum(lengths)])
     return SelfMotion(

@@ -9,8 +9,9 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.ik import SelfMotion
 from baxter_kin.ik.self_motion.continuation import LONGER_ARC
+from baxter_kin.ik.self_motion.curve_cubics import arc_lengths, cubics
 from baxter_kin.ik.self_motion.curve_kernel import RESIDUAL_TOLERANCE
-from baxter_kin.ik.self_motion.solution_curve import SolutionCurve, arc_lengths, cubics
+from baxter_kin.ik.self_motion.solution_curve import SolutionCurve
 from baxter_kin.validation import FloatArray, Indices
 
 MARGIN_TOLERANCE_RAD = 5e-5

@@ -21,14 +21,14 @@ from baxter_kin.ik.self_motion.pieces import (
     AT_LIMITS_RAD,
     STARTS,
     Piece,
-    apart,
     as_curve,
     filled_pieces,
     off_curves,
-    order,
     pieces_inside,
+    sort_key,
     swept,
     traced,
+    without_duplicates,
 )
 from baxter_kin.ik.self_motion.solution_curve import CurvePoints, SolutionCurve
 from baxter_kin.kinematics.arm import Arm
@@ -77,7 +77,7 @@ def with_witness(
     margin = np.minimum(q - arm.limits.q_min, arm.limits.q_max - q).min()
     if curves and (margin > AT_LIMITS_RAD or not off_curves(list(curves), q[None])[0]):
         return curves
-    return tuple(sorted([*curves, traced(arm, q, T_base_tip, STEP_RAD)], key=order))
+    return tuple(sorted([*curves, traced(arm, q, T_base_tip, STEP_RAD)], key=sort_key))
 
 
 def _without_w2(ik: IKService, solution_curve: SolutionCurve, known: FloatArray) -> Sequence[Piece]:
@@ -102,7 +102,7 @@ def _at_roll(
     ]
     pieces = pieces_inside(limited, loops)
     curves = [as_curve(solution_curve, _measured(solution_curve, piece)) for piece in pieces]
-    return tuple(apart(sorted(curves, key=order)))
+    return tuple(without_duplicates(sorted(curves, key=sort_key)))
 
 
 def _with_roll(points: CurvePoints, roll: float) -> CurvePoints:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.ik import SelfMotion
-from baxter_kin.ik.self_motion.solution_curve import cubics
+from baxter_kin.ik.self_motion.curve_cubics import cubics
 from baxter_kin.validation import FloatArray
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext

@@ -26,7 +26,7 @@ def test_columns_go_in_and_out_as_rows(product: ca.Function) -> None:
     np.testing.assert_array_equal(doubled, 2.0 * A.T)
 
 
-def test_what_it_writes_is_read_without_a_copy(product: ca.Function) -> None:
+def test_outputs_are_read_without_a_copy(product: ca.Function) -> None:
     buffered = BufferedFunction(product)
     memory = buffered.outputs[0]
     buffered.inputs[0][:], buffered.inputs[1][:] = A.T, X

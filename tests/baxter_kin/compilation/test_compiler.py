@@ -14,7 +14,7 @@ from baxter_kin.compilation.compiler import ZIG, Compiler, compilers, run_within
 
 @pytest.fixture
 def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder that is all of PATH; no package `ziglang`."""
+    """A folder that is the only one on PATH, without the package `ziglang`."""
     folder = tmp_path / "bin"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
@@ -29,11 +29,11 @@ def add(folder: Path, name: str, script: str = "") -> Path:
     return path
 
 
-def test_where_there_is_no_compiler_none_is_found(programs: Path) -> None:
+def test_without_compilers_none_is_found(programs: Path) -> None:
     assert compilers() == ()
 
 
-def test_compilers_on_path_come_in_their_order(programs: Path) -> None:
+def test_compilers_on_path_are_in_order_of_preference(programs: Path) -> None:
     for name in "clang", "gcc", "cc", "tcc":
         add(programs, name)
     assert [Path(found.command[0]).name for found in compilers()] == ["cc", "gcc", "clang"]
@@ -69,9 +69,7 @@ def test_the_package_ziglang_comes_last_and_is_called_through_python(
     assert said.read_text().startswith("cc -mcpu=baseline -g0 -O2 -fPIC -shared")
 
 
-def test_a_compiler_is_asked_for_a_line_before_it_is_given_the_rest(
-    programs: Path, tmp_path: Path
-) -> None:
+def test_compiler_must_compile_one_line_first(programs: Path, tmp_path: Path) -> None:
     found = Compiler((str(add(programs, "cc", "echo $5 >> calls")),), programs / "cc", 10.0)
     assert found.compile("int x;\n", tmp_path) == tmp_path / "kernel.so"
     calls = (tmp_path / "calls").read_text().splitlines()
@@ -79,7 +77,7 @@ def test_a_compiler_is_asked_for_a_line_before_it_is_given_the_rest(
     assert (tmp_path / "kernel.c").read_text() == "int x;\n"
 
 
-def test_its_version_changes_with_the_program_alone(programs: Path) -> None:
+def test_version_key_depends_on_the_program_alone(programs: Path) -> None:
     found = Compiler((str(add(programs, "cc")),), programs / "cc", 10.0)
     (programs / "gcc").symlink_to("cc")
     other_name = Compiler((str(programs / "gcc"),), programs / "gcc", 10.0)
@@ -92,7 +90,7 @@ def test_its_version_changes_with_the_program_alone(programs: Path) -> None:
 # Programs with a time limit
 
 LONG_S = 30.0
-"""More than any of these programs takes."""
+"""Time limit that none of these programs reaches."""
 
 SHORT_S = 1.0
 """Enough for a shell to start."""
@@ -101,7 +99,7 @@ WITH_A_CHILD = "sleep 1000 & echo $! > child; wait"
 
 
 def is_running(process: int) -> bool:
-    """Whether it is there, and no zombie that waits for its parent to ask."""
+    """Whether a process exists and is not a zombie."""
     try:
         status = Path(f"/proc/{process}/stat").read_text("ascii")
     except (FileNotFoundError, ProcessLookupError):
@@ -110,7 +108,7 @@ def is_running(process: int) -> bool:
 
 
 def ends(process: int) -> bool:
-    """Whether it does soon; a signal takes a moment to arrive."""
+    """Whether a process ends soon; a signal takes a moment to arrive."""
     for _ in range(100):
         if not is_running(process):
             return True
@@ -118,7 +116,7 @@ def ends(process: int) -> bool:
     return False
 
 
-def test_it_runs_in_that_folder_with_those_variables(tmp_path: Path) -> None:
+def test_program_runs_in_the_folder_with_the_variables(tmp_path: Path) -> None:
     command = "sh", "-c", "echo $WORD > here"
     run_within(LONG_S, command, tmp_path, {**os.environ, "WORD": "said"})
     assert (tmp_path / "here").read_text() == "said\n"
@@ -130,7 +128,7 @@ def test_failure_raises_with_the_exit_status(tmp_path: Path) -> None:
     assert failure.value.returncode == 3
 
 
-def test_what_it_says_is_not_heard_and_it_hears_nothing(
+def test_output_is_discarded_and_input_is_empty(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     run_within(LONG_S, ("sh", "-c", "cat; echo out; echo err >&2"), tmp_path)

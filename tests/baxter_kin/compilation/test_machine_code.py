@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.compilation import compiler, machine_code
+from baxter_kin.compilation import compiler, kernel_cache, machine_code
 from baxter_kin.compilation.compiler import compilers
-from baxter_kin.compilation.machine_code import KernelCache, compiled, private_folder, user_folder
+from baxter_kin.compilation.kernel_cache import KernelCache, private_folder, user_folder
+from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import FileError
-from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.search.map_search import search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers
 from baxter_kin.ik.tolerance import EXACT, Task
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from tests.baxter_kin.compilation.test_compiler import ends
@@ -25,7 +27,7 @@ Provide = Callable[..., None]
 
 @pytest.fixture(autouse=True)
 def new_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a process remembers."""
+    """Forget what a process remembers."""
     monkeypatch.setattr(machine_code, "_FAILED", set())
     private_folder.cache_clear()
 
@@ -47,7 +49,7 @@ def _usual_folder(otherwise: Path) -> Path:
 
 @pytest.fixture
 def cache(empty_cache: Path) -> Path:
-    """The same, where there is a compiler."""
+    """The empty cache, if there is a compiler."""
     if not compilers():
         pytest.skip("machine code needs a C compiler; pip install ziglang brings one")
     return empty_cache
@@ -55,7 +57,7 @@ def cache(empty_cache: Path) -> Path:
 
 @pytest.fixture
 def provide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Provide:
-    """Let shell scripts be the compilers, by their names on PATH."""
+    """Install shell scripts as the compilers on PATH."""
     folder = tmp_path / "bin"
     folder.mkdir()
 
@@ -144,9 +146,7 @@ def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: 
                 np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
 
 
-def test_what_others_will_need_is_compiled_as_well_but_once(
-    cache: Path, square: ca.Function
-) -> None:
+def test_further_kernels_are_compiled_once(cache: Path, square: ca.Function) -> None:
     cube, asked = function_of(lambda x: x * x * x), []
 
     def alongside() -> list[list[ca.Function]]:
@@ -238,11 +238,11 @@ def test_a_cache_that_can_only_be_read_is_read(
 ) -> None:
     compiled([square])
     monkeypatch.setattr(KernelCache, "is_writable", False)
-    monkeypatch.setattr(machine_code, "private_folder", None)
+    monkeypatch.setattr(kernel_cache, "private_folder", None)
     assert value(compiled([square])) == [9.0, 16.0, 7.0]
 
 
-def test_without_a_compiler_there_is_none(
+def test_without_a_compiler_the_result_is_none(
     empty_cache: Path, square: ca.Function, provide: Provide
 ) -> None:
     provide()
@@ -252,7 +252,7 @@ def test_without_a_compiler_there_is_none(
 
 @pytest.fixture
 def some_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that is not ours, for scripts to copy."""
+    """A foreign library for scripts to copy."""
     folder = Path(np.__file__).parent / "_core"
     monkeypatch.setenv("LIBRARY", str(next(folder.glob("_multiarray_umath*.so"))))
 
@@ -270,7 +270,7 @@ def some_library(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=["fails", "nothing", "rubbish", "folder", "truncated", "another library"],
 )
-def test_what_a_broken_compiler_makes_is_neither_loaded_nor_kept(
+def test_output_of_a_broken_compiler_is_neither_loaded_nor_kept(
     empty_cache: Path,
     square: ca.Function,
     provide: Provide,
@@ -300,7 +300,7 @@ def test_a_script_that_the_system_cannot_run_does_not_hide_a_working_one(
     assert value(compiled([square])) == [9.0, 16.0, 7.0]
 
 
-def test_a_broken_compiler_is_asked_once(
+def test_broken_compiler_is_tried_once(
     empty_cache: Path, square: ca.Function, provide: Provide, tmp_path: Path
 ) -> None:
     provide(cc=counting(tmp_path / "calls", FAILS))
@@ -309,7 +309,7 @@ def test_a_broken_compiler_is_asked_once(
     assert count(tmp_path / "calls") == 1
 
 
-def test_what_one_compiler_made_is_found_whichever_there_is(
+def test_kept_libraries_do_not_depend_on_the_compiler(
     cache: Path, square: ca.Function, provide: Provide
 ) -> None:
     compiled([square])
@@ -359,7 +359,7 @@ def test_two_names_of_a_compiler_that_hangs_cost_its_time_once(
 
 
 @pytest.mark.usefixtures("short_answer", "cache")
-def test_a_compiler_that_hung_is_asked_again_when_it_has_changed(
+def test_hanging_compiler_is_tried_again_after_a_change(
     square: ca.Function, provide: Provide, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     works = working()
@@ -405,7 +405,7 @@ def _dump(function: ca.Function) -> str:
     return str(generator.dump())
 
 
-def test_compiling_is_told_and_loading_is_not(
+def test_compiling_is_logged_and_loading_is_not(
     cache: Path, square: ca.Function, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.INFO):

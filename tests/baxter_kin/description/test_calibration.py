@@ -7,29 +7,19 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from baxter_kin.description import ElectricGripper
-from baxter_kin.description.calibration import (
-    MAX_APART_M,
-    MAX_TURNED_RAD,
-    as_baxter,
-    finger_joints,
-    hand_links,
-    origin_of,
-    with_unique_names,
-    without_hands,
-)
-from baxter_kin.description.urdf import JointKind, Urdf, UrdfJoint
+from baxter_kin.description.calibration import MAX_APART_M, MAX_TURNED_RAD, as_baxter
+from baxter_kin.description.hands import finger_joints
+from baxter_kin.description.urdf import Urdf
 from baxter_kin.errors import DescriptionError, UnknownNameError
 from tests.served_urdf import VARIANTS, served_urdf, variant
 
 
 @pytest.fixture(scope="module")
 def tree(drawn: Baxter) -> Urdf:
-    """The stock robot's."""
+    """The tree of the stock robot."""
     return drawn.description.tree
 
 
@@ -41,7 +31,7 @@ XYZ, RPY, AXIS = 'origin rpy="[^"]*" xyz="[^"]*"', 'rpy="[^"]*"', 'axis xyz="[^"
 
 
 def changed(text: str, joint: str, pattern: str, by: str) -> str:
-    """A text with something of one joint replaced."""
+    """A text in which a pattern of one joint is replaced."""
     whole = re.search(f'<joint name="{joint}".*?</joint>', text, re.DOTALL)
     assert whole is not None
     found, count = re.subn(pattern, by, whole[0])
@@ -94,7 +84,7 @@ def test_a_joint_of_no_baxter_is_named(joint: str, pattern: str, by: str, reason
         (b"", "no XML"),
     ],
 )
-def test_what_is_no_baxter_is_refused(text: str | bytes, reason: str) -> None:
+def test_texts_of_other_robots_are_refused(text: str | bytes, reason: str) -> None:
     with pytest.raises(DescriptionError, match=reason):
         Baxter.load(text)
 
@@ -108,7 +98,7 @@ def test_a_joint_that_baxter_lacks_is_named() -> None:
         Baxter.load(served().replace("</robot>", stool))
 
 
-def test_a_joint_that_moves_on_a_hand_is_refused_with_what_to_say_instead() -> None:
+def test_movable_joint_on_a_hand_is_refused_with_advice() -> None:
     jaw = (
         '<link name="jaw"/><joint name="knuckle" type="revolute"><parent link="left_hand"/>'
         '<child link="jaw"/><limit upper="1" velocity="1"/></joint></robot>'
@@ -119,7 +109,7 @@ def test_a_joint_that_moves_on_a_hand_is_refused_with_what_to_say_instead() -> N
     assert Baxter.load(text, hands={"left": None}).joint_names
 
 
-def test_fingers_of_another_length_are_refused_with_what_to_say_instead(robot: Baxter) -> None:
+def test_fingers_of_another_length_are_refused_with_advice(robot: Baxter) -> None:
     """Rethink's standard fingers are 37.7 mm shorter, and there is no body of them."""
     text = changed(served(), "r_gripper_r_finger_tip_joint", "0.1127", "0.075")
     with pytest.raises(DescriptionError, match=r"lies 37\.7 mm .* by hands={'right': ...}") as no:
@@ -153,7 +143,7 @@ def test_files_of_real_robots_load(name: str, kind: Callable[[str], str | bytes]
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_in_files_of_real_robots_arms_are_as_stated(robot: Baxter, name: str) -> None:
-    """But for the mounts, they state every joint as it is drawn."""
+    """Except for the mounts, they state every joint as it is drawn."""
     own = Baxter.load(variant(name))
     for side in ("left", "right"):
         q = robot.arm(side).neutral
@@ -185,40 +175,7 @@ def test_a_link_with_the_name_of_a_moving_joint_is_found_as_a_tip() -> None:
     np.testing.assert_allclose(T_hand_eye.translation, [0.0, 0.0, 0.05], atol=1e-12)
 
 
-names = st.sampled_from(
-    [
-        "left_w2",
-        "left_w2_link",
-        "left_w2_joint",
-        "universe",
-        "cam",
-        "cam_link",
-        "cam_joint",
-        "torso",
-    ]
-)
-
-
-@settings(max_examples=50)
-@given(st.lists(st.tuples(names, names), max_size=6, unique_by=(lambda n: n[0], lambda n: n[1])))
-def test_names_of_what_is_mounted_never_matter(tree: Urdf, added: list[tuple[str, str]]) -> None:
-    """Each is mounted on the one before; Pinocchio finds every frame by its name alone."""
-    parent = "left_hand_link"
-    joints, taken = list(tree.joints), {tree.root, *tree.by_child, *tree.by_name}
-    for name, child in added:
-        if child not in tree.by_child and name not in tree.by_name:
-            joints.append(UrdfJoint(name, JointKind.FIXED, parent, child, xyz=(0.0, 0.0, 0.01)))
-            parent = child
-    unique = with_unique_names(Urdf(tree.root, tuple(joints)))
-    assert with_unique_names(unique) == unique
-    robot = Baxter.load(Urdf(tree.root, tuple(joints)).text)
-    frames = [str(frame.name) for frame in robot.model.frames]
-    assert len(set(frames)) == len(frames)
-    assert len(unique.joints) == len(joints)
-    assert taken <= {unique.root, *unique.by_child, *unique.by_name}
-
-
-def test_an_older_head_is_replaced_by_the_later_drawing_and_what_is_on_it_stays(
+def test_older_head_is_replaced_and_parts_on_it_stay(
     drawn: Baxter,
 ) -> None:
     own = Baxter.load(variant("older_head"))
@@ -237,7 +194,7 @@ def test_a_head_far_from_where_it_is_drawn_is_refused() -> None:
         Baxter.load(text)
 
 
-def test_a_calibrated_head_stays_as_it_is_stated() -> None:
+def test_calibrated_head_is_kept() -> None:
     text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.065 0 0.686"')
     robot = Baxter.load(text)
     assert place(robot.description.tree, "base", "head").translation[0] == 0.065
@@ -253,7 +210,7 @@ def test_a_gripper_on_a_base_of_the_robot_has_its_own_base_where_it_is(drawn: Ba
     assert place(own, "left_hand_link", "left_gripper_base").isIdentity(1e-12)
 
 
-def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
+def test_limits_are_read_from_the_text_and_wider_ones_are_noted(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     wider = Baxter.load(variant("older_limits"))
@@ -267,7 +224,7 @@ def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
     assert narrower.description.notes == ()
 
 
-def test_bounds_are_wide_of_what_calibration_does() -> None:
+def test_bounds_exceed_calibrations() -> None:
     for seed in range(5):
         text = served(seed, apart_m=0.7 * MAX_APART_M, turned_rad=0.45 * MAX_TURNED_RAD)
         assert Baxter.load(text).arm("left").limits.names[0] == "left_s0"
@@ -328,38 +285,14 @@ def test_frames_have_both_names(name: str) -> None:
     assert arm.tip_frame.removesuffix("_link") == name.removesuffix("_link")
 
 
-def test_the_stock_robot_is_taken_as_it_is(tree: Urdf) -> None:
+def test_stock_robot_is_unchanged(tree: Urdf) -> None:
     assert as_baxter(tree, tree) == tree
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_without_its_gripper_the_tip_stays_where_it_was(tree: Urdf, side: str) -> None:
-    flange, tip = f"{side}_hand_link", f"{side}_gripper"
-    before, after = place(tree, flange, tip), place(without_hands(tree, (side,)), flange, tip)
-    rounding = 1e-15
-    assert np.abs(before.homogeneous - after.homogeneous).max() <= rounding
-    assert hand_links(without_hands(tree, (side,)), side) < hand_links(tree, side)
-
-
 def place(tree: Urdf, first: str, last: str) -> pin.SE3:
-    """By Pinocchio's reading of the text, all joints at zero."""
+    """The pose of a link by Pinocchio, with all joints at zero."""
     model = pin.buildModelFromXML(tree.text)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     T, T_last = (data.oMf[model.getFrameId(name, pin.FrameType.BODY)] for name in (first, last))
     return T.actInv(T_last)
-
-
-def test_on_a_flange_are_the_gripper_and_the_sensors_of_its_own_side(tree: Urdf) -> None:
-    links = hand_links(tree, "left")
-    assert {"l_gripper_l_finger", "l_gripper_r_finger_tip", "left_gripper"} <= links
-    assert not {"left_wrist", "left_hand_link", "r_gripper_l_finger", "base"} & links
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_an_origin_is_that_of_its_pose(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    T = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-    xyz, rpy = origin_of(T)
-    again = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-    assert np.abs(again.homogeneous - T.homogeneous).max() < 1e-14

@@ -11,9 +11,9 @@ import pytest
 
 from baxter_kin import Baxter, ElectricGripper, Tool
 from baxter_kin.description import StockFiles
-from baxter_kin.description.hands import hand_of
+from baxter_kin.description.hands import hand_links, hand_of, with_hands
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
-from baxter_kin.errors import ConfigurationError, DescriptionError, PoseError
+from baxter_kin.errors import BaxterError, ConfigurationError, DescriptionError, PoseError
 from tests.conftest import at
 from tests.served_urdf import served_urdf
 
@@ -41,14 +41,14 @@ def test_every_hand_has_a_digest_of_its_own_and_the_rest_stays() -> None:
     assert len({robot.description.identity.kinematics for robot in robots}) == 1
 
 
-def test_the_difference_of_two_slots_is_said_in_millimetres() -> None:
+def test_difference_of_two_slots_is_stated_in_millimetres() -> None:
     first, second = (Baxter.load(hands={"left": ElectricGripper(slot=s)}) for s in (2, 3))
     said = first.description.identity.difference(second.description.identity)
     assert re.fullmatch(r"joint l_gripper_[lr]_finger_joint lies 9\.5 mm elsewhere", said)
 
 
 @pytest.mark.parametrize("mount", [None, *MOUNTS[::3], Tool((BALL,), at(0, 0, 0.1))], ids=str)
-def test_the_text_says_it_all(mount: Any) -> None:
+def test_text_determines_the_robot(mount: Any) -> None:
     robot = Baxter.load(hands={"left": mount})
     assert Baxter.load(robot.description.text).digest == robot.digest
 
@@ -60,7 +60,7 @@ def test_its_words_are_read_again(mount: ElectricGripper) -> None:
     assert len(repr(mount)) <= 120
 
 
-def test_what_the_words_leave_out_is_as_by_default() -> None:
+def test_missing_words_mean_defaults() -> None:
     assert hand_of("wide") == ElectricGripper("wide")
     assert hand_of("half_round-4") == ElectricGripper(slot=4, tips="half_round")
     assert hand_of("none") is None
@@ -73,44 +73,40 @@ def test_other_words_are_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("make", "arguments", "error"),
     [
-        ({"fingers": "standard_narrow"}, "use narrow or wide"),
-        ({"tips": "soft"}, "use paddle or half_round"),
-        ({"slot": 0}, "slot 0 is not one of 1, 2, 3, 4"),
-        ({"slot": 1}, "use slot 2, 3 or 4"),
-        ({"slot": 2.5}, "must be int"),
-        ({"slot": True}, "must be int"),
-        ({"fingers": None}, "must be str"),
+        (ElectricGripper, {"fingers": "standard_narrow"}, ConfigurationError),
+        (ElectricGripper, {"tips": "soft"}, ConfigurationError),
+        (ElectricGripper, {"slot": 0}, ConfigurationError),
+        (ElectricGripper, {"slot": 1}, ConfigurationError),
+        (ElectricGripper, {"slot": 2.5}, ConfigurationError),
+        (ElectricGripper, {"slot": True}, ConfigurationError),
+        (ElectricGripper, {"fingers": None}, ConfigurationError),
+        (Tool, {"shapes": ()}, ConfigurationError),
+        (Tool, {"shapes": (UrdfShape(ShapeKind.MESH, mesh="paddle_tip"),)}, ConfigurationError),
+        (Tool, {"shapes": 101 * (BALL,)}, ConfigurationError),
+        (Tool, {"shapes": (5,)}, ConfigurationError),
+        (Tool, {"T_hand_tip": np.ones((4, 4))}, PoseError),
+        (Baxter.load, {"hands": 5}, DescriptionError),
+        (Baxter.load, {"hands": [("left", None)]}, DescriptionError),
+        (Baxter.load, {"hands": {"middle": None}}, DescriptionError),
+        (Baxter.load, {"hands": {"left": "narrow"}}, DescriptionError),
     ],
 )
-def test_a_gripper_that_cannot_be_is_refused(given: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigurationError, match=re.escape(words)):
-        ElectricGripper(**given)
+def test_invalid_hands_are_refused(
+    make: Any, arguments: dict[str, Any], error: type[BaxterError]
+) -> None:
+    defaults = {"shapes": (BALL,), "T_hand_tip": at(0, 0, 0.1)} if make is Tool else {}
+    with pytest.raises(error):
+        make(**(defaults | arguments))
 
 
-@pytest.mark.parametrize(
-    ("hands", "words"),
-    [
-        (5, "given by side"),
-        ([("left", None)], "given by side"),
-        ({"middle": None}, "no side 'middle'"),
-        ({"left": "narrow"}, "the left hand must be an ElectricGripper, a Tool or None"),
-    ],
-)
-def test_hands_that_are_none_are_refused(hands: Any, words: str) -> None:
-    with pytest.raises(DescriptionError, match=re.escape(words)):
-        Baxter.load(hands=hands)
-
-
-def test_a_tool_is_checked() -> None:
-    for shapes in ((), (UrdfShape(ShapeKind.MESH, mesh="paddle_tip"),)):
-        with pytest.raises(ConfigurationError, match="a tool"):
-            Tool(shapes, at(0, 0, 0.1))
+def test_tool_in_millimetres_gets_a_hint() -> None:
     with pytest.raises(ConfigurationError, match="are these millimetres"):
         Tool((BALL,), at(0, 0, 150.0))
-    with pytest.raises(PoseError):
-        Tool((BALL,), np.ones((4, 4)))
+
+
+def test_a_copy_of_a_tool_is_the_same() -> None:
     tool = Tool((BALL,), at(0, 0, 0.1))
     for again in (pickle.loads(pickle.dumps(tool)), copy.deepcopy(tool)):
         assert again.shapes == tool.shapes
@@ -132,7 +128,7 @@ RETHINKS = {"narrow": 0.01725, "wide": 0.05503}
 
 
 def place(robot: Baxter, link: str, seen_from: str) -> pin.SE3:
-    """By Pinocchio's reading of the text, all joints at zero."""
+    """The pose of a link by Pinocchio, with all joints at zero."""
     model = pin.buildModelFromXML(robot.description.text)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
@@ -155,7 +151,7 @@ def test_fingers_are_where_rethinks_xacro_puts_them(mount: ElectricGripper, side
     np.testing.assert_allclose(tip, [0.0, 0.0, 0.025 + 0.1327], atol=1e-12)
 
 
-def test_a_robots_own_hands_stay_where_no_other_are_named() -> None:
+def test_hands_of_the_urdf_stay_unless_others_are_named() -> None:
     other = STOCK_TEXT.replace("paddle_tip.DAE", "half_round_tip.DAE")
     half_round = ElectricGripper(tips="half_round")
     assert Baxter.load(other).digest == Baxter.load(hands=both(half_round)).digest
@@ -211,3 +207,20 @@ def test_a_tools_link_in_a_text_must_be_one_simple_shape() -> None:
             Baxter.load(text.replace('sphere radius="0.02"', f'sphere radius="{radius}"'))
     with pytest.raises(DescriptionError, match="not one box, cylinder or sphere"):
         Baxter.load(text.replace('<sphere radius="0.02"/>', '<mesh filename="a/b.stl"/>'))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_without_its_gripper_the_tip_stays_where_it_was(drawn: Baxter, side: str) -> None:
+    tree = drawn.description.tree
+    bare = with_hands(tree, {side: None}, tree)
+    flange, tip = f"{side}_hand_link", f"{side}_gripper"
+    rounding = 1e-15
+    difference = tree.pose(flange, tip).homogeneous - bare.pose(flange, tip).homogeneous
+    assert np.abs(difference).max() <= rounding
+    assert hand_links(bare, side) < hand_links(tree, side)
+
+
+def test_on_a_flange_are_the_gripper_and_the_sensors_of_its_own_side(drawn: Baxter) -> None:
+    links = hand_links(drawn.description.tree, "left")
+    assert {"l_gripper_l_finger", "l_gripper_r_finger_tip", "left_gripper"} <= links
+    assert not {"left_wrist", "left_hand_link", "r_gripper_l_finger", "base"} & links

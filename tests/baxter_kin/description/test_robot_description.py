@@ -4,6 +4,7 @@ import pickle
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter, ElectricGripper
-from baxter_kin.description import RobotDescription, StockFiles
-from baxter_kin.errors import DescriptionError
+from baxter_kin.description import RobotDescription, RobotIdentity, StockFiles
+from baxter_kin.description.urdf import Urdf
+from baxter_kin.errors import ConfigurationError, DescriptionError
+from baxter_kin.fields import evolve
 from tests.served_urdf import served_urdf
 
 STOCK = StockFiles.installed()
@@ -24,7 +27,7 @@ def served(seed: int | None = None, **options: Any) -> str:
 
 
 def worst_difference(first: pin.Model, second: pin.Model) -> float:
-    """Of all joints and all frames that both have, over random configurations, m or none."""
+    """The largest difference of poses of common joints and frames at random configurations."""
     rng, worst = np.random.default_rng(0), 0.0
     data = first.createData(), second.createData()
     names = {f.name: f.name.removesuffix("_link") for f in first.frames}
@@ -54,9 +57,8 @@ def test_finds_the_installed_files() -> None:
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
-    nowhere = tmp_path / "baxter.urdf"
     with pytest.raises(DescriptionError, match=r"lacks .*baxter\.urdf"):
-        StockFiles(urdf=nowhere, srdf=nowhere, package_dir=tmp_path)
+        StockFiles.below(tmp_path)
 
 
 def test_stock_robot_is_that_of_the_file(robot: Baxter) -> None:
@@ -70,8 +72,8 @@ def test_stock_robot_is_that_of_the_file(robot: Baxter) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("without", [(), ("left",), ("left", "right")])
-def test_kinematics_are_those_that_pinocchio_reads(seed: int, without: tuple[str, ...]) -> None:
-    """From the untouched text; bit by bit, since every number is kept."""
+def test_kinematics_agree_with_pinocchio(seed: int, without: tuple[str, ...]) -> None:
+    """From the original text, to the bit, since every number is kept."""
     text = served(seed, without_grippers=without, limit_change=0.01, shuffled=True)
     own, untouched = Baxter.load(text).model, pin.buildModelFromXML(text)
     assert list(own.names) == list(untouched.names)
@@ -81,7 +83,7 @@ def test_kinematics_are_those_that_pinocchio_reads(seed: int, without: tuple[str
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_arms_of_a_calibrated_robot_end_where_pinocchio_says(side: str) -> None:
+def test_tips_of_a_calibrated_robot_agree_with_pinocchio(side: str) -> None:
     text = served(11)
     robot, untouched = Baxter.load(text), pin.buildModelFromXML(text)
     arm, data, rng = robot.arm(side), untouched.createData(), np.random.default_rng(0)
@@ -133,7 +135,7 @@ def test_order_of_the_text_does_not_count() -> None:
 
 
 def test_meshes_are_never_opened(tmp_path: Path) -> None:
-    """Of all files that the process opens while it loads, none is named in the text."""
+    """None of the files that the process opens while loading is named in the text."""
     path = tmp_path / "robot.urdf"
     path.write_text(served(1).replace("package://baxter_description", str(tmp_path / "away")))
     code = (
@@ -150,7 +152,7 @@ def test_meshes_are_never_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("given", [5, dict, ["x"], np.zeros(3)])
-def test_what_names_no_urdf_is_refused(given: Any) -> None:
+def test_other_classes_than_path_and_text_are_refused(given: Any) -> None:
     with pytest.raises(DescriptionError, match="given by its path, or as text or bytes"):
         Baxter.load(given)
 
@@ -171,3 +173,93 @@ def test_can_be_pickled(arm: Arm) -> None:
 
 def test_the_installed_description_is_the_stock_robot(robot: Baxter) -> None:
     assert RobotDescription.installed() == robot.description
+
+
+# Identity
+
+
+@pytest.fixture(scope="module")
+def tree(robot: Baxter) -> Urdf:
+    return robot.description.tree
+
+
+def with_joint(tree: Urdf, name: str, **changes: object) -> RobotIdentity:
+    joints = [replace(j, **changes) if j.name == name else j for j in tree.joints]  # type: ignore[arg-type]
+    return RobotIdentity.of(Urdf(tree.root, tuple(joints)))
+
+
+def test_the_same_robot_has_no_difference(tree: Urdf) -> None:
+    one, other = RobotIdentity.of(tree), RobotIdentity.of(tree)
+    assert one == other
+    assert one.difference(other) == ""
+    assert one.digest == other.digest
+
+
+def test_a_moved_joint_is_named_with_its_distance(tree: Urdf) -> None:
+    x, y, z = tree.by_name["left_s1"].xyz
+    other = with_joint(tree, "left_s1", xyz=(x, y + 0.0021, z))
+    found = RobotIdentity.of(tree).difference(other)
+    assert found == "joint left_s1 lies 2.1 mm elsewhere"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "difference"),
+    [
+        ("left_s1", {"rpy": (-1.57, 0.0, 0.0)}, "its kinematics differ"),
+        ("left_s1", {"axis": (0.0, 1e-12, 1.0)}, "its kinematics differ"),
+        ("pedestal_fixed", {"xyz": (0.0, 0.0, 1e-9)}, "its kinematics differ"),
+        ("left_endpoint", {"xyz": (0.0, 0.0, 0.2)}, "its hands differ"),
+    ],
+)
+def test_differences_are_stated(
+    tree: Urdf, name: str, changes: dict[str, object], difference: str
+) -> None:
+    own, other = RobotIdentity.of(tree), with_joint(tree, name, **changes)
+    assert own.difference(other) == difference
+    assert own.digest != other.digest
+
+
+def test_other_limits_are_named(tree: Urdf) -> None:
+    own = tree.by_name["right_w1"]
+    assert own.range is not None
+    for change in ({"lower": -1.5}, {"upper": 2.0}, {"velocity": 3.9}):
+        other = with_joint(tree, "right_w1", range=replace(own.range, **change))
+        assert RobotIdentity.of(tree).difference(other) == "joint right_w1 has other limits"
+
+
+def test_effort_does_not_count(tree: Urdf) -> None:
+    own = tree.by_name["right_w1"]
+    assert own.range is not None
+    other = with_joint(tree, "right_w1", range=replace(own.range, effort=1.0))
+    assert RobotIdentity.of(tree).digest == other.digest
+
+
+def test_a_mount_that_lies_elsewhere_is_named_with_its_distance(tree: Urdf) -> None:
+    """All movable joints are in their places on their parents."""
+    own = Baxter.load(served(measured="one")).description.identity
+    drawn = Baxter.load(served()).description.identity
+    assert own.difference(drawn) == "joint left_torso_arm_mount lies 11 mm elsewhere"
+
+
+def test_missing_hand_is_reported(robot: Baxter) -> None:
+    bare = Baxter.load(served(without_grippers=["right"])).description.identity
+    found = robot.description.identity.difference(bare)
+    assert found == "only one of the two has the joint r_gripper_l_finger_joint"
+
+
+def test_a_body_counts_where_both_have_one(tree: Urdf) -> None:
+    own = RobotIdentity.of(tree)
+    one, other = evolve(own, body="a"), evolve(own, body="b")
+    assert one.difference(other) == "its body has other shapes"
+    assert own.difference(other) == one.difference(own) == ""
+
+
+def test_every_calibration_has_a_digest_of_its_own() -> None:
+    texts = [served(seed) for seed in range(10)]
+    assert len({Baxter.load(text).digest for text in texts}) == len(texts)
+
+
+@pytest.mark.parametrize("changes", [{"kinematics": 5}, {"places": 5}, {"ranges": {"a": (None,)}}])
+def test_an_identity_refuses_values_of_other_classes(tree: Urdf, changes: dict[str, Any]) -> None:
+    with pytest.raises(ConfigurationError):
+        evolve(RobotIdentity.of(tree), **changes)

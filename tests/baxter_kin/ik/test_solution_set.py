@@ -45,7 +45,7 @@ def _descended(arm: Arm, T: pin.SE3, q: FloatArray) -> FloatArray | None:
 
 
 def holder(curves: tuple[SelfMotion, ...], q: FloatArray) -> int | None:
-    """Which curve `q` lies on."""
+    """The index of the curve on which `q` lies."""
     on = [i for i, curve in enumerate(curves) if curve.nearest(q)[1] < ON_CURVE_RAD]
     assert len(on) <= 1
     return on[0] if on else None
@@ -79,7 +79,7 @@ def test_every_curve_reaches_the_pose(left: Arm, found: tuple[SelfMotion, ...]) 
         assert np.linalg.norm(pin.log6(difference).vector) < 1e-9
 
 
-def test_curves_are_apart(found: tuple[SelfMotion, ...]) -> None:
+def test_curves_are_distinct(found: tuple[SelfMotion, ...]) -> None:
     assert len(found) > 1
     for i, curve in enumerate(found):
         for other in found[:i]:
@@ -118,7 +118,7 @@ def test_point_of_a_curve_is_no_other_solution(left: Arm) -> None:
 
 
 def test_candidates_may_miss_the_pose_as_a_service_does(left: Arm) -> None:
-    """By 1e-6 m and rad, also where a joint stands on its limit."""
+    """By 1e-6 m and rad, also with a joint on its limit."""
     curve = trace_self_motion(left, left.start)
     rng = np.random.default_rng(6)
     points = [curve.at(s) for s in np.linspace(0.0, curve.length_rad, 20)]
@@ -127,7 +127,7 @@ def test_candidates_may_miss_the_pose_as_a_service_does(left: Arm) -> None:
     assert len(distinct_solutions(left, inside, T_base_tip=curve.T_base_tip)) == 1
 
 
-def test_no_candidates_no_solutions(left: Arm) -> None:
+def test_no_candidates_give_no_solutions(left: Arm) -> None:
     assert distinct_solutions(left, []) == ()
 
 
@@ -173,7 +173,7 @@ def test_malformed_candidate_is_refused_by_index(left: Arm, candidate: Any) -> N
         distinct_solutions(left, [candidate])
 
 
-def test_candidates_that_are_no_iterable_are_refused(left: Arm) -> None:
+def test_candidates_that_are_not_iterable_are_refused(left: Arm) -> None:
     with pytest.raises(RequestError, match="candidates must be an iterable, got NoneType"):
         distinct_solutions(left, None)  # type: ignore[arg-type]
 
@@ -201,7 +201,7 @@ def test_seeds_are_drawn_by_a_generator(ik: IKService, rng: Any) -> None:
         solutions(ik, BLOCK, rng=rng)
 
 
-def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
+def test_other_classes_than_service_and_arm_are_refused(left: Arm) -> None:
     with pytest.raises(RequestError, match="ik must be of class IKService, got int"):
         solutions(5, BLOCK)  # type: ignore[arg-type]
     with pytest.raises(RequestError, match="arm must be of class Arm, got int"):
@@ -209,7 +209,7 @@ def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
 
 
 def test_endless_candidates_are_refused(left: Arm) -> None:
-    with pytest.raises(RequestError, match=f"at most {MAX_CANDIDATES} candidates may come"):
+    with pytest.raises(RequestError, match=f"at most {MAX_CANDIDATES} candidates are allowed"):
         distinct_solutions(left, itertools.repeat(left.neutral))
 
 
@@ -251,6 +251,6 @@ def test_turns_are_a_whole_number_with_a_greatest_value(ik: IKService, turns: An
 
 
 @pytest.mark.parametrize("service", [None, 5, "ik"], ids=str)
-def test_what_is_no_service_has_no_samples(service: Any) -> None:
+def test_samples_of_another_class_than_service_are_refused(service: Any) -> None:
     with pytest.raises(RequestError, match="ik must be of class IKService"):
         sample_solutions(service, at(0.7, 0.2, 0.1))

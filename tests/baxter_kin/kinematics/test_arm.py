@@ -110,7 +110,7 @@ def test_configuration_by_name_lists_what_is_missing(left: Arm) -> None:
 
 
 def test_results_do_not_share_memory(left: Arm) -> None:
-    """Pinocchio hands out views of its workspace; ours must be copies."""
+    """Pinocchio returns views of its workspace; ours must be copies."""
     first = left.T_base_tip(left.start)
     J, kept = left.jacobian(left.start), left.jacobian(left.start).copy()
     before = first.homogeneous.copy()
@@ -173,7 +173,7 @@ def test_jacobian_of_a_tool_is_the_derivative_of_its_position(arm: Arm) -> None:
         np.testing.assert_allclose(J[:3, joint], (ahead - behind) / (2 * step), atol=1e-8)
 
 
-def test_a_tip_that_moves_or_does_not_exist_is_refused_with_those_that_do(left: Arm) -> None:
+def test_unknown_tip_is_refused_with_the_known_ones(left: Arm) -> None:
     for name in ("l_gripper_l_finger", "right_hand", "nose", "left_e0"):
         with pytest.raises(UnknownNameError, match="left_hand_camera_link"):
             left.with_tip(name)
@@ -211,7 +211,7 @@ def test_many_tips_are_where_pinocchio_has_each(robot: Baxter, seed: int, side: 
 
 
 @pytest.mark.parametrize("qs", [np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "qs", None])
-def test_what_is_no_list_of_configurations_is_refused(left: Arm, qs: Any) -> None:
+def test_malformed_lists_of_configurations_are_refused(left: Arm, qs: Any) -> None:
     with pytest.raises(ConfigurationError):
         left.T_base_tips(qs)
 

@@ -9,7 +9,7 @@ from baxter_kin import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
 
 ROUNDING = 1e-14
-"""Of a product of seven transforms, m and of the rotation matrix."""
+"""Rounding of a product of seven transforms, in m and of the rotation matrix."""
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -24,7 +24,7 @@ def test_joints_are_where_pinocchio_has_them(any_arm: Arm, seed: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_axes_need_not_be_those_of_coordinates(seed: int) -> None:
+def test_axes_may_have_any_direction(seed: int) -> None:
     rng = np.random.default_rng(seed)
     model, axes = pin.Model(), rng.normal(size=(3, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]

@@ -33,7 +33,7 @@ def run(folder: Path, complaint: str, *arguments: str) -> subprocess.CompletedPr
 
 
 @pytest.mark.parametrize("program", IMPORTS)
-def test_a_missing_openmp_runtime_is_told_with_the_command_that_brings_it(
+def test_missing_openmp_runtime_is_reported_with_the_command_to_install_it(
     tmp_path: Path, program: str
 ) -> None:
     last_line = run(tmp_path, LOADER_SAYS, "-c", program).stderr.splitlines()[-1]
@@ -55,6 +55,6 @@ def test_errors_can_be_named_without_pinocchio(tmp_path: Path) -> None:
     assert run(tmp_path, LOADER_SAYS, "-c", "from baxter_kin import BaxterError").returncode == 0
 
 
-def test_what_else_keeps_pinocchio_from_loading_is_left_as_it_is(tmp_path: Path) -> None:
+def test_other_import_errors_are_unchanged(tmp_path: Path) -> None:
     done = run(tmp_path, "another reason", "-c", "from planner import Plan")
     assert done.stderr.splitlines()[-1] == "ImportError: another reason"

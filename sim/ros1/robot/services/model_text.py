@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.description.xml_text import Element, read_xml
+from baxter_kin.description.urdf_reading import Element, read_xml
 from baxter_kin.display import quoted
 from baxter_kin.errors import DescriptionError
 from planner.errors import SceneError

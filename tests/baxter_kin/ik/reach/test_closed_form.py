@@ -25,7 +25,7 @@ def poses_of(arm: Arm, qs: np.ndarray) -> np.ndarray:
 
 
 def turned(q: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The greatest difference of angles, full turns apart."""
+    """The largest difference of angles, up to full turns."""
     difference: np.ndarray = np.abs((q - other + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
     return difference
 
@@ -77,7 +77,7 @@ def test_starts_are_inside_the_limits_and_best_first(arm: Arm, closed_form: Clos
     assert offsets[:, 0].sum() <= offsets[:, -1].sum()
 
 
-def test_a_pose_among_many_gets_the_starts_it_gets_alone(arm: Arm, closed_form: ClosedForm) -> None:
+def test_starts_of_a_pose_do_not_depend_on_the_others(arm: Arm, closed_form: ClosedForm) -> None:
     rng = np.random.default_rng(3)
     Ts = poses_of(arm, np.array([arm.random_configuration(rng) for _ in range(BLOCK + 3)]))
     together = closed_form.starts(Ts, 5)

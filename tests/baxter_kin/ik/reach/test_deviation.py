@@ -1,4 +1,4 @@
-"""Against Pinocchio: the arm itself, less `Linkage.wrist_and_axis`, seen as s0 turns."""
+"""Compared with Pinocchio: the arm minus `Linkage.wrist_and_axis`, seen as s0 turns."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ BOXES, POINTS = 40, 60
 
 @pytest.mark.parametrize("link", range(6))
 def test_the_slack_holds_where_one_link_is_off(left: Arm, link: int) -> None:
-    """Its bound is attained; joints are moved alone, or two at a time, from many middles."""
+    """The bound is attained; joints are moved one or two at a time, from many middles."""
     for twist_rad, missing_m in ((0.02, 0.0), (0.0, 0.01), (0.02, 0.01)):
         nearby = NearbyDeviation(_with_link(Linkage.of(left), link, twist_rad, missing_m))
         rng, count = np.random.default_rng(link), 4000
         q = rng.uniform(-np.pi, np.pi, (5, count))
         moved = rng.random((5, count)).argsort(axis=0) < rng.integers(1, 3, count)
         slack = moved * rng.choice([0.01, 0.3, 1.0, 2.0, np.pi], count)
-        apart = nearby.near(q, slack)
+        near = nearby.near(q, slack)
         for _ in range(20):
             ends = rng.choice([-1.0, 1.0], (5, count)) * rng.random((5, count)) ** 0.3
             there = nearby.near(q + slack * ends, np.zeros((5, count)))
-            off_m = np.linalg.norm(there.wrist - apart.wrist, axis=0)
-            chords = np.linalg.norm(there.R - apart.R, axis=(0, 1)) / np.sqrt(2.0)
-            assert (off_m <= apart.slack[0] + ROUNDING).all()
-            assert (chords <= apart.slack[1] + ROUNDING).all()
+            off_m = np.linalg.norm(there.wrist - near.wrist, axis=0)
+            chords = np.linalg.norm(there.R - near.R, axis=(0, 1)) / np.sqrt(2.0)
+            assert (off_m <= near.slack[0] + ROUNDING).all()
+            assert (chords <= near.slack[1] + ROUNDING).all()
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -46,14 +46,14 @@ def test_no_point_of_a_box_deviates_by_more_than_the_slack(
         arm = calibrated_arm(robot, side, rng, share)
         linkage = Linkage.of(arm)
         q, slack = rng.uniform(-np.pi, np.pi, (7, BOXES)), half_rad * rng.random((5, BOXES))
-        apart = NearbyDeviation(linkage).near(q[1:6], slack)
+        near = NearbyDeviation(linkage).near(q[1:6], slack)
         for i in range(BOXES):
             for signs in rng.choice([-1.0, 0.0, 1.0], (POINTS, 5)):
                 at = q[:, i].copy()
                 at[0] = rng.uniform(-np.pi, np.pi)
                 at[1:6] += slack[:, i] * signs
-                off = _off(arm, linkage, at, apart.wrist[:, i], apart.R[:, :, i])
-                worst = np.maximum(worst, off / apart.slack[:, i])
+                off = _off(arm, linkage, at, near.wrist[:, i], near.R[:, :, i])
+                worst = np.maximum(worst, off / near.slack[:, i])
     assert (worst <= 1.0).all()
     assert (worst > 0.4).all()  # the slack is not much more than it has to be
 
@@ -61,10 +61,10 @@ def test_no_point_of_a_box_deviates_by_more_than_the_slack(
 def test_at_known_angles_the_deviation_is_exact(any_arm: Arm) -> None:
     linkage, rng = Linkage.of(any_arm), np.random.default_rng(12)
     q = rng.uniform(-np.pi, np.pi, (7, 20))
-    apart = NearbyDeviation(linkage).near(q[1:6], np.zeros((5, 20)))
-    assert not apart.slack.any()
+    near = NearbyDeviation(linkage).near(q[1:6], np.zeros((5, 20)))
+    assert not near.slack.any()
     for i in range(20):
-        off = _off(any_arm, linkage, q[:, i], apart.wrist[:, i], apart.R[:, :, i])
+        off = _off(any_arm, linkage, q[:, i], near.wrist[:, i], near.R[:, :, i])
         assert (off <= ROUNDING).all()
 
 

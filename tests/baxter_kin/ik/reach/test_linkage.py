@@ -28,7 +28,7 @@ def test_wrist_and_last_axis_are_where_pinocchio_has_them_but_for_the_deviation(
     assert slack.tip_m == pytest.approx(slack.wrist_m + linkage.hand_m * slack.axis)
 
 
-def test_an_arm_as_drawn_deviates_by_what_its_urdf_rounds(arm: Arm) -> None:
+def test_arm_as_drawn_deviates_by_rounding_in_the_urdf(arm: Arm) -> None:
     assert Linkage.of(arm).deviation.tip_m < 1e-10
 
 
@@ -36,7 +36,7 @@ def test_an_arm_as_drawn_deviates_by_what_its_urdf_rounds(arm: Arm) -> None:
 def test_the_more_an_arm_is_off_the_more_its_linkage_deviates(
     robot: Baxter, share: float, seed: int
 ) -> None:
-    """Of six links, each off by the most that two calibrated joints can be together."""
+    """Arms with six links, each with the largest deviation that two calibrated joints can cause."""
     arm = calibrated_arm(robot, "left", np.random.default_rng(seed), share)
     most_m = 12 * 2 * MOST_M + 6 * 2 * MOST_RAD * 1.0
     assert Linkage.of(arm).deviation.wrist_m <= share * most_m + 1e-9
@@ -56,7 +56,7 @@ def test_wrist_distances_span_what_elbow_and_first_wrist_joint_allow(arm: Arm) -
 
 
 def test_narrower_limits_are_covered(robot: Baxter) -> None:
-    """With an elbow that can only be bent, or hardly be moved."""
+    """Limits with an elbow that can only be bent, or hardly be moved."""
     for low, high in ((0.5, 1.0), (-0.04, 0.0)):
         arm = with_limits(robot, "left_e1", low, high)
         linkage = Linkage.of(arm)

@@ -23,7 +23,7 @@ def sweep(left: Arm) -> PoseSweep:
 
 @pytest.fixture(scope="module")
 def away(left: Arm) -> FloatArray:
-    """Targets next to what is reached with joints at limits; some are out of reach."""
+    """Targets next to reachable ones with joints at limits; some are out of reach."""
     return pushed(reached(left, 160, 1)[::2], 0.02, 2)
 
 
@@ -32,9 +32,7 @@ def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
     assert not any(sweep.excludes(T, 0.0) for T in reached(any_arm, 40, 3))
 
 
-def test_nothing_within_the_radius_of_what_is_reached_is_excluded(
-    left: Arm, sweep: PoseSweep
-) -> None:
+def test_targets_near_reachable_ones_are_not_excluded(left: Arm, sweep: PoseSweep) -> None:
     assert not any(sweep.excludes(T, 0.02) for T in pushed(reached(left, 40, 4), 0.02, 5))
 
 
@@ -50,7 +48,7 @@ def test_a_proof_holds_for_every_smaller_radius_and_with_more_cells(
         assert other >= max(one, least)
 
 
-def test_it_proves_what_the_sweep_over_the_shoulder_does_not(
+def test_it_proves_more_than_the_sweep_over_the_shoulder(
     left: Arm, sweep: PoseSweep, away: FloatArray
 ) -> None:
     shoulder = ShoulderSweep(Linkage.of(left))
@@ -76,7 +74,7 @@ def test_a_roll_that_the_last_joint_cannot_make_is_excluded(left: Arm, sweep: Po
 def test_the_cell_of_a_configuration_survives_however_small(
     robot: Baxter, monkeypatch: pytest.MonkeyPatch, kind: str, passes: int
 ) -> None:
-    """At every level, where the whole sweep would give up for the number of cells."""
+    """At every level, even if the whole sweep would give up because of the number of cells."""
     monkeypatch.setattr(pose_sweep, "PASSES", passes)
     rng, nearer = np.random.default_rng(6), 0
     for side in ("left", "right"):
@@ -100,7 +98,7 @@ def test_the_cell_of_a_configuration_survives_however_small(
                 cells = sweep._survivors(target, 0.0, cells, False, MAX_SURVIVORS)
                 assert cells.s0.size
                 cells = cells.split()
-            nearer += cells.apart.slack[1].min() < 0.1 * linkage.deviation.axis
+            nearer += cells.deviation.slack[1].min() < 0.1 * linkage.deviation.axis
     assert (nearer > 0) == (passes > 0)
 
 
@@ -117,7 +115,7 @@ def test_of_a_calibrated_arm_more_is_proven_than_with_the_whole_deviation(
 
 
 def _tilted_hand(robot: Baxter, side: str) -> Arm:
-    """An arm as drawn, but for the last axis: it deviates by that alone, and always by the most."""
+    """An arm as drawn, except for the last axis, so that its deviation is always the largest."""
     model = robot.model.copy()
     joint = model.getJointId(f"{side}_w2")
     turn = pin.SE3(pin.exp3(np.full(3, 0.01)), np.zeros(3))  # about the wrist

@@ -15,19 +15,19 @@ from baxter_kin.validation import FloatArray
 ROUNDING = 1e-9
 
 ARC_SINE = 1e-6
-"""What an arc sine or cosine near 1 loses: half the digits."""
+"""An arc sine or cosine near 1 loses half the digits."""
 
 angles = st.floats(-20.0, 20.0)
 slacks = st.floats(0.0, 4.0)
 
 
 def one(*numbers: float) -> tuple[FloatArray, ...]:
-    """Each number as an array of one."""
+    """The numbers as arrays of length 1."""
     return tuple(np.array([number]) for number in numbers)
 
 
 def turn(angle: float) -> float:
-    """The same angle but for whole turns, in [-pi, pi]."""
+    """The same angle up to whole turns, in [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
 
 
@@ -51,7 +51,7 @@ known = st.tuples(angles, slacks)
 def test_a_difference_holds_the_differences_of_all_that_may_be(
     a: tuple[float, float], b: tuple[float, float], share_a: float, share_b: float
 ) -> None:
-    difference = UncertainAngle(*one(*a)).less(UncertainAngle(*one(*b)))
+    difference = UncertainAngle(*one(*a)).minus(UncertainAngle(*one(*b)))
     found = (a[0] + share_a * a[1]) - (b[0] + share_b * b[1])
     assert abs(found - difference.middle[0]) <= difference.slack[0] + ROUNDING
 
@@ -62,7 +62,7 @@ vectors = st.tuples(coordinates, coordinates, st.floats(5e-6, 1.0))
 
 
 def moved(vector: tuple[float, float, float], share: float, towards: float) -> tuple[float, float]:
-    """Its components when its end is off by a share of the slack."""
+    """The components of a vector whose end is displaced by a share of the slack."""
     x, y, slack = vector
     return x + share * slack * math.cos(towards), y + share * slack * math.sin(towards)
 
@@ -122,7 +122,7 @@ LEVELS = 5
 
 
 def reached(arm: Arm, count: int, seed: int) -> FloatArray:
-    """Where random configurations put the last axis, half of them with joints at limits."""
+    """Last axes of random configurations, half of them with joints at limits."""
     rng, linkage = np.random.default_rng(seed), Linkage.of(arm)
     qs = np.array([arm.random_configuration(rng) for _ in range(count)])
     ends = np.where(rng.random((count, 7)) < 0.5, arm.limits.q_min, arm.limits.q_max)
@@ -132,7 +132,7 @@ def reached(arm: Arm, count: int, seed: int) -> FloatArray:
 
 
 def pushed(targets: FloatArray, away_m: float, seed: int) -> FloatArray:
-    """The same in the same orientations, moved in random directions."""
+    """The same targets in the same orientations, moved in random directions."""
     directions = np.random.default_rng(seed).normal(size=(len(targets), 3))
     moved = targets.copy()
     moved[:, :3, 3] += away_m * directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -146,7 +146,7 @@ def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
 
 
 @pytest.mark.parametrize("away_m", [0.01, 0.1])
-def test_nothing_within_the_radius_of_what_is_reached_is_excluded(left: Arm, away_m: float) -> None:
+def test_targets_near_reachable_ones_are_not_excluded(left: Arm, away_m: float) -> None:
     targets = pushed(reached(left, 300, 2), away_m, 3)
     found = ShoulderSweep(Linkage.of(left)).exclusions(targets, np.full(300, away_m), LEVELS)
     assert not found.is_proven.any()
@@ -166,7 +166,7 @@ def test_a_proof_holds_for_every_smaller_radius_and_with_more_levels(left: Arm) 
                 assert others[found].all(), (radius_m, levels, smaller_m, more)
 
 
-def test_targets_among_many_are_judged_as_each_alone(left: Arm) -> None:
+def test_results_do_not_depend_on_other_targets(left: Arm) -> None:
     count = BLOCK + 20
     sweep, targets = ShoulderSweep(Linkage.of(left)), pushed(reached(left, count, 6), 0.4, 7)
     together = sweep.exclusions(targets, np.zeros(count), 3)

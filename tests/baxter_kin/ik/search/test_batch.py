@@ -7,36 +7,18 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, SeedMode, SeedType
 from baxter_kin.ik import Tolerance
-from baxter_kin.ik.search.batch import COARSE_ROUNDS, MAX_SOLVERS, Batch, Solvers
+from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch, Solver
 from baxter_kin.ik.search.ipopt import IpoptSearcher
 from baxter_kin.ik.search.searcher import Backend, Found, Searcher
+from baxter_kin.ik.tolerance import EXACT
 from tests.conftest import at, overhead
 
 
-def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
-    service, T = IKService(left), left.T_base_tip(left.start)
-    for i in range(40):
-        tolerance = Tolerance.position_only(1e-3 * (1 + i))
-        assert service.solve(T, left.start, tolerance=tolerance).is_valid
-    assert len(service._solvers._others) <= 16
-
-
-def test_the_solver_of_a_tolerance_is_made_once_and_the_oldest_is_forgotten(left: Arm) -> None:
-    solvers = Solvers(left, Backend.CASADI)
-    first = solvers.within(Tolerance.position_only(1e-3))
-    assert solvers.within(Tolerance.position_only(1e-3)) is first
-    assert solvers.within(Tolerance()) is solvers.exact
-    for i in range(MAX_SOLVERS):
-        last = solvers.within(Tolerance.position_only(1.0 + i))
-    assert solvers.within(Tolerance.position_only(float(MAX_SOLVERS))) is last
-    assert solvers.within(Tolerance.position_only(1e-3)) is not first
-
-
-def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(left: Arm) -> None:
-    """Far out of reach, the one keeps the orientation, and the other is of the task."""
-    solvers, T = Solvers(left, Backend.CASADI), left.T_base_tip(left.start)
-    resorts = solvers.exact.last_resort, solvers.within(Tolerance.about("z")).last_resort
-    far = T.homogeneous
+def test_last_resorts_of_exact_poses_and_of_tolerances_differ(left: Arm) -> None:
+    """Far out of reach, the first keeps the orientation, and the second searches for the task."""
+    tolerances = EXACT, Tolerance.about("z")
+    resorts = [Solver(left, Backend.CASADI, tolerance).last_resort for tolerance in tolerances]
+    far = left.T_base_tip(left.start).homogeneous
     far[:3, 3] *= 3.0
     nearest, task = (search.search(left.start[None], far[None]) for search in resorts if search)
     assert nearest.orientation_error_rad[0] <= 1e-6
@@ -45,28 +27,28 @@ def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(lef
     assert task.iterations[0] > 0
 
 
-def test_what_ipopt_does_not_solve_has_no_last_resort(left: Arm) -> None:
-    solver = Solvers(left, Backend.IPOPT).exact
+def test_ipopt_has_no_last_resort(left: Arm) -> None:
+    solver = Solver(left, Backend.IPOPT)
     assert solver.fast is None
     assert isinstance(solver.search, IpoptSearcher)
     assert solver.last_resort is None
 
 
 TOLERANCE = 1e-6
-"""In m and rad: what counts as a solution."""
+"""Errors of a solution, in m and rad."""
 
 
 UNREACHABLE = at(0.9, 0.3, 0.9)
-"""Inside the ball that the links span, outside what the joint limits allow."""
+"""Inside the ball that the links span, but out of reach because of the joint limits."""
 
 FOLDED_BACK = pin.SE3(
     np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.4, 0.3, 0.5])
 )
-"""The same, and between the shells that bound the wrist: only a sweep proves it."""
+"""The same, and between the shells that bound the wrist, so that only a sweep proves it."""
 
 
 def test_reported_type_is_the_one_whose_start_converged(left: Arm, ik: IKService) -> None:
-    """Seeds that are hopeless for this pose must not get the credit."""
+    """Seeds that do not lead to this pose must not be reported."""
     T, hopeless = left.T_base_tip(left.start), _hopeless_seed(left, ik)
     result = ik.solve(T, seed=hopeless, current=left.start)
     assert result.seed_type is SeedType.CURRENT
@@ -85,7 +67,7 @@ def _hopeless_seed(arm: Arm, ik: IKService) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT, SeedMode.NS_MAP])
-def test_other_modes_try_their_type_alone(left: Arm, ik: IKService, mode: SeedMode) -> None:
+def test_other_modes_try_one_type(left: Arm, ik: IKService, mode: SeedMode) -> None:
     result = ik.solve(FOLDED_BACK, left.neutral, left.neutral, mode)
     assert not result.is_valid
     assert result.failure is not None
@@ -102,9 +84,7 @@ def test_a_pose_beyond_the_span_is_not_searched_for(left: Arm, ik: IKService) ->
     assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
 
 
-def test_what_was_proven_before_any_search_shows_the_seed_that_was_given(
-    left: Arm, ik: IKService
-) -> None:
+def test_result_without_search_has_the_given_seed(left: Arm, ik: IKService) -> None:
     q, other = left.start, left.neutral
     (result,) = ik.solve_batch([UNREACHABLE], seeds=[q], current=other, mode=SeedMode.NS_MAP)
     np.testing.assert_array_equal(result.q, q)
@@ -112,7 +92,7 @@ def test_what_was_proven_before_any_search_shows_the_seed_that_was_given(
     assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
 
 
-def test_failures_in_a_batch_are_those_of_each_alone(left: Arm, ik: IKService) -> None:
+def test_failures_do_not_depend_on_the_batch(left: Arm, ik: IKService) -> None:
     rng = np.random.default_rng(33)
     Ts = [
         left.T_base_tip(left.random_configuration(rng)) * pin.SE3(np.eye(3), rng.normal(size=3))
@@ -143,7 +123,7 @@ def test_failures_in_a_batch_are_those_of_each_alone(left: Arm, ik: IKService) -
     ids=["left, four joints at limits", "right, four joints at limits", "singular and at a limit"],
 )
 def test_a_single_solution_between_limits_is_found(robot: Baxter, side: str, q_text: str) -> None:
-    """It was believed that starts computed from the pose find all: these were missed."""
+    """Poses that starts computed from the pose once missed."""
     arm = robot.arm(side)
     T = arm.T_base_tip([float(angle) for angle in q_text.split()])
     result = IKService(arm).solve(T)
@@ -158,8 +138,8 @@ def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None
 
 
 def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> None:
-    """Of poses that the setpoints do not solve, whichever round that start belongs to."""
-    solver, rng = Solvers(left, Backend.AUTO).exact, np.random.default_rng(34)
+    """For poses that the setpoints do not solve, in whichever round that start is."""
+    solver, rng = Solver(left, Backend.AUTO), np.random.default_rng(34)
     qs = np.array([left.random_configuration(rng) for _ in range(15_000)])
     qs = np.where(rng.random(qs.shape) < 0.3, left.limits.q_max, qs)  # few starts lead there
     Ts = left.T_base_tips(qs)
@@ -182,7 +162,7 @@ def are_close(found: Found) -> NDArray[np.bool_]:
     return (found.position_error_m <= TOLERANCE) & (found.orientation_error_rad <= TOLERANCE)
 
 
-def test_a_batch_of_no_poses_has_no_results(left: Arm) -> None:
-    solver, batch = Solvers(left, Backend.AUTO).exact, Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
+def test_empty_batch_has_no_results(left: Arm) -> None:
+    solver, batch = Solver(left, Backend.AUTO), Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
     batch.solve(solver)
     assert list(batch.results(solver)) == []

@@ -9,30 +9,28 @@ import pytest
 from baxter_kin import Arm, IKService, SeedMode, SeedType, pose_from_quaternion
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.reach.linkage import Linkage
-from baxter_kin.ik.search.batch import Solvers
+from baxter_kin.ik.search.batch import Solver
 from baxter_kin.ik.search.explanation import BestAttempt, Explainer
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6
-"""In m and rad: what counts as a solution."""
+"""Errors of a solution, in m and rad."""
 
 URDF_ROUNDING = 1e-10
-"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+"""The search assumes that the URDF's right angles are exact, which moves the tip by 2e-11 m."""
 
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT])
-def test_mode_without_its_seed_is_an_invalid_result_that_says_so(
-    ik: IKService, mode: SeedMode
-) -> None:
+def test_mode_without_its_seed_gives_an_invalid_result(ik: IKService, mode: SeedMode) -> None:
     result = ik.solve(overhead(0.70, 0.15, -0.129), mode=mode)
     assert not result.is_valid
     assert result.seed_type is SeedType.INVALID
     assert f"no {mode.name} seed was given" in str(result.failure)
 
 
-def test_proven_out_of_reach_says_by_how_much_and_from_where(ik: IKService) -> None:
+def test_proof_states_distance_and_cause(ik: IKService) -> None:
     result = ik.solve(at(3.0, 0.0, 0.0))
     assert not result.is_valid
     assert result.failure is not None
@@ -75,18 +73,18 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
 
 
 def reason(ik: IKService, T: pin.SE3) -> str:
-    """Why there is no solution."""
+    """The reason why there is no solution."""
     return str(ik.solve(T).failure)
 
 
-def test_a_pose_in_millimetres_is_asked_about(ik: IKService) -> None:
+def test_pose_in_millimetres_gets_a_hint(ik: IKService) -> None:
     T = pose_from_quaternion((700.0, 150.0, -129.0), (0.0, 1.0, 0.0, 0.0))
     assert "beyond the 0.745 m" in reason(ik, T)
     assert reason(ik, T).endswith("; are these millimetres? Lengths are in metres: 700 mm is 0.7 m")
     assert "millimetres" not in reason(ik, pin.SE3(T.rotation, T.translation / 100.0))
 
 
-def test_a_tool_in_millimetres_is_asked_about(left: Arm) -> None:
+def test_tool_in_millimetres_gets_a_hint(left: Arm) -> None:
     tool = IKService(left.with_tip(pin.SE3(np.eye(3), np.array([0.0, 0.0, 120.0]))))
     T = pose_from_quaternion((0.7, 0.15, -0.129), (0.0, 1.0, 0.0, 0.0))
     assert "; the tool is 120 m long; are these millimetres?" in reason(tool, T)
@@ -95,9 +93,7 @@ def test_a_tool_in_millimetres_is_asked_about(left: Arm) -> None:
 @pytest.mark.parametrize(
     "down_wxyz", [(0.0, 0.0, 1.0, 0.0), (0.00486450832011, -0.0249590815779, 0.999649, 0.00737918)]
 )
-def test_a_hand_upside_down_since_w_came_first_is_asked_about(
-    ik: IKService, down_wxyz: tuple[float, ...]
-) -> None:
+def test_quaternion_with_w_first_gets_a_hint(ik: IKService, down_wxyz: tuple[float, ...]) -> None:
     assert reason(ik, pose_from_quaternion((0.7, 0.15, -0.129), down_wxyz)).endswith(
         "; did its quaternion come with w first? It is read as x, y, z, w; with w first the tool "
         "would point straight down"
@@ -106,19 +102,17 @@ def test_a_hand_upside_down_since_w_came_first_is_asked_about(
 
 
 @pytest.mark.parametrize("yaw", np.linspace(0.0, math.pi, 13))
-def test_a_hand_that_points_down_is_never_asked_about_its_quaternion(
-    ik: IKService, yaw: float
-) -> None:
+def test_hand_that_points_down_gets_no_hint_about_its_quaternion(ik: IKService, yaw: float) -> None:
     down = (math.sin(yaw / 2), math.cos(yaw / 2), 0.0, 0.0)
     for position in ((1.3, 0.15, -0.129), (0.7, -0.9, -0.129), (0.1, 0.2, 0.1)):
         assert "w first" not in reason(ik, pose_from_quaternion(position, down))
 
 
 @pytest.mark.parametrize("away_m", [2e-6, 4e-6])
-def test_too_near_for_a_proof_a_failure_tells_how_near_the_arm_comes(
+def test_failure_without_proof_states_the_nearest_position(
     left: Arm, ik: IKService, away_m: float
 ) -> None:
-    """Pushed straight out of the ball that upper arm and forearm span, where proofs keep 5 um."""
+    """Moved straight out of the ball that upper arm and forearm span, where the margin is 5 um."""
     linkage = Linkage.of(left)
     straight = linkage.elbow_angle - linkage.wrist_angle  # from shoulder to wrist
     q = np.array([0.3, -0.2, 0.0, straight, 0.0, 0.9, 0.2])
@@ -144,7 +138,7 @@ HARD_TO_PROVE_XYZW = (-0.57846996836, 0.74149685357, -0.23663931186, -0.24404251
 
 
 @pytest.mark.parametrize("tool_m", [0.0, 0.1])
-def test_what_is_hard_to_prove_out_of_reach_gets_a_bracket(left: Arm, tool_m: float) -> None:
+def test_poses_hard_to_prove_get_a_bracket(left: Arm, tool_m: float) -> None:
     T = pose_from_quaternion(HARD_TO_PROVE, HARD_TO_PROVE_XYZW, normalise=True)
     tool = pin.SE3(np.eye(3), np.array([0.0, 0.0, tool_m]))
     arm = left.with_tip(tool) if tool_m else left
@@ -158,7 +152,7 @@ def test_what_is_hard_to_prove_out_of_reach_gets_a_bracket(left: Arm, tool_m: fl
 
 
 @pytest.mark.parametrize("tolerance", [EXACT, Tolerance.about("z"), Tolerance.position_only(0.01)])
-def test_errors_in_neutral_are_what_exceeds_the_tolerance(left: Arm, tolerance: Tolerance) -> None:
+def test_errors_in_neutral_are_excesses_over_the_tolerance(left: Arm, tolerance: Tolerance) -> None:
     explainer, rng = explainer_of(left, tolerance), np.random.default_rng(5)
     poses = [left.T_base_tip(left.random_configuration(rng)) for _ in range(30)]
     errors = explainer.errors_in_neutral(np.array([T.homogeneous for T in poses]))
@@ -170,11 +164,11 @@ def test_errors_in_neutral_are_what_exceeds_the_tolerance(left: Arm, tolerance: 
 
 
 def explainer_of(arm: Arm, tolerance: Tolerance) -> Explainer:
-    return Solvers(arm, Backend.AUTO).within(tolerance).explainer
+    return Solver(arm, Backend.AUTO, tolerance).explainer
 
 
 def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) -> None:
-    explainer, rng = explainer_of(left, EXACT), np.random.default_rng(6)
+    reach, rng = explainer_of(left, EXACT).reach, np.random.default_rng(6)
     Ts = np.array(
         [
             (
@@ -184,8 +178,8 @@ def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) 
             for _ in range(300)
         ]
     )
-    glance = explainer.are_out_of_reach_at_a_glance(Ts)
-    clearly, thoroughly = explainer.are_clearly_out_of_reach(Ts), explainer.are_out_of_reach(Ts)
+    glance = reach.are_outside_shells(Ts)
+    clearly, thoroughly = reach.are_proven(Ts, 1), reach.are_proven(Ts)
     assert 0 < glance.sum() < clearly.sum() < thoroughly.sum() < 300
     assert clearly[glance].all()
     assert thoroughly[clearly].all()

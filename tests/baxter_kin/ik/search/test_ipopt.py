@@ -73,8 +73,8 @@ def test_the_objective_is_half_the_squared_distance(left: Arm) -> None:
     assert found == pytest.approx(0.5 * (1e3 * away_m) ** 2)
 
 
-def test_the_nearest_position_is_no_farther_than_what_a_proof_leaves(left: Arm) -> None:
-    """A pose out of reach: the way there is longer than the proven excess, and not by much."""
+def test_nearest_position_is_consistent_with_proofs(left: Arm) -> None:
+    """For a pose out of reach, the distance is slightly larger than the proven excess."""
     search = IpoptSearcher(left, NullSpaceMap(left), is_nearest=True)
     bound = ReachBound(left)
     q = np.array([0.3, -0.2, 0.0, 0.187, 0.0, 0.9, 0.2])  # nearly straight
@@ -109,7 +109,7 @@ def test_bounds_other_than_the_limits_are_kept(left: Arm) -> None:
     [(Tolerance((0.01, 0.02, 0.0), (0.1, 0.0, 0.2)), 6), (Tolerance.about("x", tilt_rad=0.2), 4)],
     ids=["box", "cone"],
 )
-def test_what_a_tolerance_constrains_is_zero_at_the_pose_and_as_wide_as_allowed(
+def test_constraints_are_zero_at_the_pose_and_as_wide_as_allowed(
     any_arm: Arm, tolerance: Tolerance, expected_size: int
 ) -> None:
     program, rng = Program.of(any_arm, tolerance), np.random.default_rng(5)
@@ -128,7 +128,7 @@ def test_what_a_tolerance_constrains_is_zero_at_the_pose_and_as_wide_as_allowed(
 
 
 @pytest.mark.parametrize("arm", [None, "left"])
-def test_what_is_no_arm_has_no_program(arm: Any) -> None:
+def test_program_of_another_class_than_arm_is_refused(arm: Any) -> None:
     with pytest.raises(RequestError):
         Program.of(arm)
 

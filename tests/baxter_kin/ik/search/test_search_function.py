@@ -10,28 +10,23 @@ import pytest
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import DescriptionError
 from baxter_kin.frames import angle_between
+from baxter_kin.ik.search.map_search import search_functions
 from baxter_kin.ik.search.search_function import (
     INSET,
     ITERATIONS,
-    PATIENCE,
-    ROTATION_WEIGHT_M,
     SEED_TOLERANCE_RAD,
     ArmNumbers,
-    search_function,
-    search_functions,
     solve_symmetric,
     task_coordinates,
 )
-from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
-from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, dimensions_of
 
 ROUNDING = 1e-12
 
 URDF_ROUNDING = 1e-10
-"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+"""The search assumes that the URDF's right angles are exact, which moves the tip by 2e-11 m."""
 
 CONVERGED = 1e-9
 
@@ -42,7 +37,7 @@ def search(any_arm: Arm) -> ca.Function:
 
 
 def task_of(arm: Arm, tolerance: Tolerance = EXACT) -> np.ndarray:
-    """The task as the search takes it."""
+    """The task as input of the search."""
     return Task.of(arm, tolerance).numbers(DHParameters.of(arm).T_last_tip)
 
 
@@ -80,9 +75,7 @@ def test_solution_reaches_the_pose_by_pinocchio(search: ca.Function, any_arm: Ar
     assert solved > 200
 
 
-def test_errors_are_those_of_the_last_iterate_whether_it_converged_or_not(
-    search: ca.Function, any_arm: Arm
-) -> None:
+def test_errors_are_those_of_the_last_iterate(search: ca.Function, any_arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for _ in range(100):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng))
@@ -122,7 +115,7 @@ def test_search_ends_after_its_iterations(search: ca.Function, any_arm: Arm) -> 
         np.diag([1.0, 1.0, 1.0, 2.0]),
     ],
 )
-def test_what_is_no_pose_is_not_solved(search: ca.Function, any_arm: Arm, T: np.ndarray) -> None:
+def test_invalid_poses_are_not_solved(search: ca.Function, any_arm: Arm, T: np.ndarray) -> None:
     _, report = run_from(search, any_arm, any_arm.start, T)
     assert report[0] == 0.0
     assert report[4] == 0.0
@@ -143,7 +136,7 @@ def test_a_start_slightly_outside_the_limits_is_clamped(search: ca.Function, any
 
 
 def test_a_half_turn_away_is_not_mistaken_for_the_pose(search: ca.Function, any_arm: Arm) -> None:
-    """There the skew part of the rotation matrix vanishes as well."""
+    """The skew part of the rotation matrix vanishes there as well."""
     T = any_arm.T_base_tip(any_arm.start)
     for axis in np.eye(3):
         turned = T.homogeneous
@@ -224,7 +217,7 @@ def test_with_the_roll_free_the_rotation_is_the_tilt(left: Arm, coordinates: ca.
 
 
 def test_a_task_as_good_as_exact_is_the_exact_search(any_arm: Arm) -> None:
-    """Widths of zero have a step of their own; widths of nearly zero are searched as any others."""
+    """Widths of zero have a step of their own; widths of nearly zero have the general one."""
     numbers = ArmNumbers.of(any_arm)
     search, rng, solved = search_functions(numbers.shape)[0], np.random.default_rng(2), 0
     nearly = Tolerance((1e-15,) * 3)
@@ -267,7 +260,7 @@ def test_an_exact_search_is_that_of_the_tool_as_well(any_arm: Arm) -> None:
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.3])
 def test_the_error_of_the_search_is_the_excess_over_the_cone(any_arm: Arm, tilt_rad: float) -> None:
-    """Of a search that ends where it starts, with all joints locked."""
+    """For a search that ends where it starts, with all joints locked."""
     numbers, tolerance = ArmNumbers.of(any_arm), Tolerance.about("z", tilt_rad=tilt_rad)
     search, task = search_functions(numbers.shape)[0], task_of(any_arm, tolerance)
     for target, reached in pairs(any_arm, 50):
@@ -283,88 +276,6 @@ def test_invalid_input_is_reported(any_arm: Arm) -> None:
     task = task_of(any_arm, Tolerance.about("z"))
     _, report = search_functions(numbers.shape)[0](any_arm.neutral, T, task, numbers.within())
     assert np.array(report).ravel()[[0, 4]].tolist() == [0.0, 0.0]
-
-
-@pytest.fixture(scope="module")
-def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
-    """From a start, giving up as the map's searches do, and from the map."""
-    shape = ArmNumbers.of(any_arm).shape
-    from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
-    return search_function(shape, PATIENCE), from_map
-
-
-def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    q, report = (np.array(x).ravel() for x in function(*inputs))
-    return q, report
-
-
-def from_map(arm: Arm, T: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The inputs of the search from the map for a pose of the gripper."""
-    return T, T, task_of(arm), ArmNumbers.of(arm).within()
-
-
-def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the search finds from the nearest setpoints, with the map in NumPy."""
-    map_ = NullSpaceMap(arm)
-    best_q, best, iterations, starts = np.zeros(7), np.full(2, np.inf), 0, 0
-    for index in map_.nearest(T[None])[0]:
-        q, report = run(search, map_.setpoints[index], T, task_of(arm), ArmNumbers.of(arm).within())
-        iterations, starts = iterations + int(report[3]), starts + 1
-        if report[1] + report[2] < best.sum():
-            best_q, best = q, report[1:3]
-        if report[0] == 1.0:
-            break
-    return best_q, np.array([report[0], *best, iterations, 1.0, starts])
-
-
-def test_it_is_the_search_from_one_setpoint_after_the_other(
-    any_arm: Arm, searches: tuple[ca.Function, ca.Function]
-) -> None:
-    rng, (search, map_search) = np.random.default_rng(1), searches
-    starts = set()
-    for _ in range(150):
-        T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
-        q, report = run(map_search, *from_map(any_arm, T))
-        expected_q, expected = one_by_one(search, any_arm, T)
-        np.testing.assert_array_equal(q, expected_q)
-        np.testing.assert_array_equal(report, expected)
-        starts.add(int(report[5]))
-    assert {1, 2, 3} <= starts
-
-
-def test_when_all_fail_the_nearest_iterate_is_kept(
-    any_arm: Arm, searches: tuple[ca.Function, ca.Function]
-) -> None:
-    T, (search, map_search) = np.eye(4), searches
-    T[:3, 3] = 1.6, 0.0, 0.5
-    q, report = run(map_search, *from_map(any_arm, T))
-    expected_q, expected = one_by_one(search, any_arm, T)
-    np.testing.assert_array_equal(q, expected_q)
-    np.testing.assert_array_equal(report, expected)
-    assert report[0] == 0.0
-    assert report[5] == MAP_STARTS
-    assert report[3] == MAP_STARTS * min(PATIENCE)
-
-
-def test_searches_end_where_patience_does(any_arm: Arm) -> None:
-    """A search that is still slow then ends; one that is not, as if patience were endless."""
-    numbers, rng = ArmNumbers.of(any_arm), np.random.default_rng(3)
-    one, other = (search_function(numbers.shape, patience) for patience in (PATIENCE, {}))
-    ends = set()
-    for _ in range(200):
-        T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
-        start = any_arm.random_configuration(rng)
-        (q, report), (q_other, other_report) = (
-            run(search, start, T, task_of(any_arm), numbers.within()) for search in (one, other)
-        )
-        error, count = report[1] + ROTATION_WEIGHT_M * report[2], int(report[3])
-        if report[0] == 0.0 and count <= ITERATIONS:
-            assert error > PATIENCE[count]
-            ends.add(count)
-        else:
-            np.testing.assert_array_equal(q, q_other)
-            np.testing.assert_array_equal(report, other_report)
-    assert ends == set(PATIENCE)
 
 
 def test_bounds_are_the_joint_limits(any_arm: Arm) -> None:
@@ -389,7 +300,7 @@ def test_an_arm_as_drawn_leaves_fewer_dimensions_open_than_a_calibrated_one(any_
     assert (len(numbers.shape.free) < len(Shape.GENERAL.free)) == is_drawn
 
 
-def test_other_bounds_take_the_place_of_the_limits_alone(left: Arm) -> None:
+def test_bounds_replace_the_joint_limits(left: Arm) -> None:
     numbers, unlimited = ArmNumbers.of(left), np.repeat([-np.pi, np.pi], 7)
     usual, other = numbers.within(), numbers.within(unlimited)
     np.testing.assert_array_equal(usual[:14], numbers.bounds)
@@ -403,12 +314,3 @@ def test_an_arm_with_parallel_axes_is_refused(robot: Baxter) -> None:
     arm.model.jointPlacements[2] = T * pin.SE3(pin.exp3(np.array([1.4, 0.0, 0.0])), np.zeros(3))
     with pytest.raises(DescriptionError, match="parallel"):
         ArmNumbers.of(arm)
-
-
-@pytest.mark.parametrize(
-    "T", [np.diag([1.0, 1.0, -1.0, 1.0]), np.full((4, 4), np.nan), np.diag([1.0, 1.0, 1.0, 2.0])]
-)
-def test_an_invalid_pose_is_reported_from_the_map_too(any_arm: Arm, T: np.ndarray) -> None:
-    functions = search_functions(ArmNumbers.of(any_arm).shape)
-    _, report = run(functions[1 + LIMBS.index(any_arm.side)], *from_map(any_arm, T))
-    assert report[[0, 4]].tolist() == [0.0, 0.0]

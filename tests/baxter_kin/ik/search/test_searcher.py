@@ -39,7 +39,7 @@ def function() -> ca.Function:
 SHARED = np.array([0.5, 3.0])
 
 ROUNDING = 1e-12
-"""Of sums of numbers up to 1,000."""
+"""Rounding of sums of numbers up to 1,000."""
 
 
 def requests(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +64,7 @@ def test_of_any_number_each_gets_its_own_answer(batched: BatchedSearch, count: i
     np.testing.assert_array_equal(found.iterations, np.full(count, 3.0))
 
 
-def test_what_was_found_outlives_the_next_search(batched: BatchedSearch) -> None:
+def test_results_outlive_the_next_search(batched: BatchedSearch) -> None:
     q, T = requests(3)
     found = batched((q, T), (SHARED,))
     kept = found.q.copy()
@@ -72,7 +72,7 @@ def test_what_was_found_outlives_the_next_search(batched: BatchedSearch) -> None
     np.testing.assert_array_equal(found.q, kept)
 
 
-def test_one_alone_is_as_one_among_many(function: ca.Function, batched: BatchedSearch) -> None:
+def test_single_corrections_agree_with_many(function: ca.Function, batched: BatchedSearch) -> None:
     (q, T), alone = requests(5), BufferedSearch(function, (SHARED,))
     together = batched((q, T), (SHARED,))
     for i in range(5):
@@ -88,7 +88,7 @@ def found_with(position_errors_m: list[float], *, q: float) -> Found:
     return Found(np.full((count, 7), q), errors[0] == 0.0, *errors, np.full(count, q))
 
 
-def test_only_what_is_better_is_improved_on() -> None:
+def test_only_better_results_replace_others() -> None:
     found = found_with([0.3, 0.2, 0.1], q=1.0)
     found.improve(np.array([0, 2]), found_with([0.0, 0.4], q=2.0))
     assert found.position_error_m.tolist() == [0.0, 0.2, 0.1]
@@ -96,7 +96,7 @@ def test_only_what_is_better_is_improved_on() -> None:
     assert found.is_valid.tolist() == [True, False, False]
 
 
-def test_no_requests_find_nothing(function: ca.Function) -> None:
+def test_no_requests_give_empty_results(function: ca.Function) -> None:
     search = BatchedSearch(function, (np.zeros(7), np.eye(4)))
     found = search((np.empty((0, 7)), np.empty((0, 4, 4))), (SHARED,))
     assert found.q.shape == (0, 7)
@@ -122,7 +122,7 @@ def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
 @pytest.mark.parametrize(
     "count", [1, 2, BATCH_SIZES[1] + 3, 2 * BATCH_SIZES[2] + BATCH_SIZES[1] + 1]
 )
-def test_many_searches_are_each_as_one_alone(left: Arm, count: int) -> None:
+def test_many_searches_agree_with_single_ones(left: Arm, count: int) -> None:
     searcher, Ts = Searcher(left), poses_of(left, count, 1)
     starts = np.tile(left.start, (count, 1))
     found = searcher.search(starts, Ts)
@@ -153,7 +153,7 @@ def test_threads_do_not_disturb_each_other(left: Arm, ik: IKService) -> None:
 
 @pytest.mark.parametrize("backend", [Backend.AUTO, Backend.CASADI])
 def test_every_pose_of_every_kind_is_solved(arm: Arm, backend: Backend) -> None:
-    """Uniform, at one to three joint limits, elbow straight, wrist singular."""
+    """Configurations: uniform, at one to three joint limits, elbow straight, wrist singular."""
     service = IKService(arm, backend)
     for qs in _kinds(arm, 300):
         results = service.solve_batch([arm.T_base_tip(q) for q in qs])
@@ -243,7 +243,7 @@ def test_an_objective_improves_on_the_first_solution(
         assert not left.limits.violations(best.q)
 
 
-def test_nearest_to_the_seed_is_what_the_reference_minimises(left: Arm, ik: IKService) -> None:
+def test_nearest_to_the_seed_agrees_with_the_reference(left: Arm, ik: IKService) -> None:
     T = left.T_base_tip(left.start + 0.1)
     best = ik.solve(T, seed=left.start, objective=NearestTo(left.start))
     reference = IKService(left, "ipopt").solve(T, seed=left.start)

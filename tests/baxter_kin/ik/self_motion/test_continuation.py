@@ -13,17 +13,18 @@ from baxter_kin.ik.self_motion.continuation import (
     LONGEST_STEP_RAD,
     EndKind,
     filled,
-    least,
     loops_near,
     may_leave,
+    minimum,
     root,
     walk,
     walk_both_ways,
     with_last,
 )
+from baxter_kin.ik.self_motion.curve_cubics import cubics
 from baxter_kin.ik.self_motion.curve_kernel import MAX_TURN_RAD
 from baxter_kin.ik.self_motion.pieces import pieces_inside
-from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve, cubics
+from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
 from tests.baxter_kin.ik.self_motion.test_pieces import pieces_of
@@ -51,13 +52,13 @@ def test_root_at_the_lower_end_is_found() -> None:
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.6, 1.0), (0.0, 0.4), (1.0, 0.0)])
-def test_no_change_from_negative_to_positive_is_no_root(lower: float, upper: float) -> None:
+def test_without_a_change_of_sign_there_is_no_root(lower: float, upper: float) -> None:
     assert root(lambda x: x - 0.5, lower, upper) is None
 
 
 @given(where=st.floats(0.0, 1.0))
 def test_least_value_is_found(where: float) -> None:
-    value, x = least(lambda x: math.fabs(x - where), 0.0, 1.0, 1e-9)
+    value, x = minimum(lambda x: math.fabs(x - where), 0.0, 1.0, 1e-9)
     assert x == pytest.approx(where, abs=1e-9)
     assert value == math.fabs(x - where)
 
@@ -81,7 +82,7 @@ def test_closed_curve_returns_to_its_start(left: Arm) -> None:
 
 
 def test_small_loop_closes(robot: Baxter, left: Arm) -> None:
-    """Next to a point that stands alone the curves are loops as small as one likes."""
+    """Next to an isolated point the curves are loops of any size."""
     q = singular_near(left, ALONE)
     curve = trace_self_motion(left, q + 1e-3 * np.linalg.svd(left.jacobian(q))[2][6])
     assert curve.is_closed
@@ -96,7 +97,7 @@ def test_piece_shorter_than_a_step_has_both_ends(robot: Baxter, left: Arm) -> No
 
 
 def test_piece_that_limits_cut_to_a_point_is_a_point(robot: Baxter, left: Arm) -> None:
-    """Joints that both leave their range, one each way."""
+    """Joints that leave their ranges, one below and one above."""
     tangent = np.linalg.svd(left.jacobian(left.start))[2][6]
     q_min, q_max = np.array(left.limits.q_min), np.array(left.limits.q_max)
     first, second = np.argsort(-np.abs(tangent))[:2]
@@ -196,7 +197,7 @@ def test_points_are_in_the_limits_and_turn_little(
 
 
 @pytest.mark.parametrize("step_rad", [0.05, 0.005])
-def test_filled_points_are_on_the_pose_and_no_farther_apart_than_asked(
+def test_filled_points_reach_the_pose_and_keep_the_step(
     solution_curve: SolutionCurve, start: CurvePoint, step_rad: float
 ) -> None:
     points, _ = walk(solution_curve, start)
@@ -208,9 +209,7 @@ def test_filled_points_are_on_the_pose_and_no_farther_apart_than_asked(
     assert ((closer.tangent[1:] * closer.tangent[:-1]).sum(axis=1) > 0.9).all()
 
 
-def test_arcs_that_may_be_as_long_as_they_are_get_no_points(
-    solution_curve: SolutionCurve, start: CurvePoint
-) -> None:
+def test_short_arcs_get_no_points(solution_curve: SolutionCurve, start: CurvePoint) -> None:
     points, _ = walk(solution_curve, start)
     steps = np.full(len(points) - 1, np.inf)
     assert len(filled(solution_curve, points, steps)[0]) == len(points)
@@ -255,7 +254,7 @@ def test_the_last_point_takes_the_place_of_one_that_it_coincides_with(start: Cur
 def test_a_limit_that_is_crossed_between_two_points_inside_ends_the_curve(
     robot: Baxter, left: Arm
 ) -> None:
-    """Of each joint, halfway between its highest at points and its highest in between."""
+    """Limits of each joint halfway between its maximum at points and its maximum in between."""
     whole = SolutionCurve(left, left.T_base_tip(CLOSED))
     start = whole.start(CLOSED)
     assert start is not None
@@ -290,5 +289,5 @@ def test_loop_that_limits_do_not_cut_is_one_piece(left: Arm) -> None:
     assert len(distinct_solutions(left, [CLOSED])) == 1
 
 
-def test_point_that_stands_alone_has_no_loop(left: Arm) -> None:
+def test_isolated_point_has_no_loop(left: Arm) -> None:
     assert pieces_of(left, singular_near(left, ALONE)) == []

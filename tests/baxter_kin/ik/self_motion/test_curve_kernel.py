@@ -39,7 +39,7 @@ def state_of(arm: Arm, q: FloatArray, step_rad: float) -> FloatArray:
 
 
 def test_a_correction_is_that_of_the_pseudo_inverse(any_arm: Arm) -> None:
-    """From nearby, Newton's steps of least norm end next to where the first one leads."""
+    """From nearby, Newton's steps of least norm end close to the result of the first step."""
     _, correct, *_ = curve_functions()
     rng, size = np.random.default_rng(1), 1e-4
     for _ in range(10):
@@ -75,7 +75,7 @@ def test_a_march_goes_on_from_attempt_to_attempt(any_arm: Arm) -> None:
 
 
 def assert_each_follows(arm: Arm, before: FloatArray, states: FloatArray) -> None:
-    """Accepted ones a step ahead, refused ones where they were."""
+    """Accepted states are a step ahead, refused ones unchanged."""
     for state in states:
         if state[23] == 1.0:
             turn = math.acos(min(1.0, state[7:14] @ before[7:14]))
@@ -106,12 +106,12 @@ def test_steps_below_the_least_are_refused(left: Arm, step_rad: float) -> None:
 
 
 MEASURE_ROUNDING = 1e-9
-"""Of null vectors and determinants, relative to the singular values that occur."""
+"""Accuracy of null vectors and determinants, relative to the singular values that occur."""
 
 
 @pytest.fixture(scope="module")
 def interpreted(any_arm: Arm) -> CurveKernel:
-    """That of an arm in CasADi's virtual machine."""
+    """The kernel of an arm in CasADi's virtual machine."""
     return CurveKernel(DHParameters.of(any_arm), curve_functions())
 
 
@@ -175,7 +175,7 @@ def test_many_are_corrected_like_one(left: Arm) -> None:
         np.testing.assert_array_equal(kernel.corrected(q, n, T).q[0], row)
 
 
-def test_none_are_corrected_to_none(left: Arm) -> None:
+def test_correcting_no_configurations_gives_none(left: Arm) -> None:
     none = np.empty((0, 7))
     assert len(CurveKernel.of(left).corrected_many(none, none, pose(left, left.start)).q) == 0
 

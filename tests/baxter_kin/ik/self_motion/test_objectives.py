@@ -26,11 +26,11 @@ from tests.baxter_kin.ik.self_motion.test_pieces import WITH_TINY_PIECE
 from tests.baxter_kin.ik.self_motion.test_tracing import ALONE, CLOSED, singular_near
 
 LOCATED = 1e-9
-"""How far above the least cost an answer may be: costs of size 1, flat at their least."""
+"""How far above the lowest cost a result may be: costs of size 1, flat at their minimum."""
 
 
 def objectives(arm: Arm, seed: int) -> list[Objective]:
-    """One of each kind."""
+    """One objective of each kind."""
     rng = np.random.default_rng(seed)
     return [
         NearestTo(arm.random_configuration(rng)),
@@ -95,7 +95,7 @@ def test_cost_of_limits_is_zero_on_one_and_minus_one_in_the_middle(left: Arm) ->
     np.testing.assert_allclose(costs, [-1.0, 0.0], atol=1e-12)
 
 
-def test_cost_of_manipulability_is_what_the_curve_reports(curve: SelfMotion) -> None:
+def test_cost_of_manipulability_agrees_with_the_curve(curve: SelfMotion) -> None:
     costs = MostManipulable().costs(curve.arm, curve.q)
     np.testing.assert_allclose(-costs, curve.manipulability, rtol=1e-9)
 
@@ -151,7 +151,7 @@ def test_malformed_seed_is_refused(q: Any) -> None:
 
 
 @pytest.mark.parametrize("costs", [np.zeros(3), 0.0, [math.nan]])
-def test_objective_that_gives_no_costs_is_refused_by_name(curve: SelfMotion, costs: Any) -> None:
+def test_objective_with_invalid_costs_is_refused_by_name(curve: SelfMotion, costs: Any) -> None:
     class Odd:
         def costs(self, arm: Arm, q: FloatArray) -> Any:  # noqa: ARG002
             return np.resize(costs, len(q)) if np.isnan(costs).any() else costs
@@ -169,13 +169,13 @@ def test_objectives_keep_a_copy(left: Arm) -> None:
 
 
 @pytest.mark.parametrize("objective", [5, None, FarthestFromLimits, "nearest"], ids=str)
-def test_an_objective_that_has_no_costs_is_refused(left: Arm, objective: Any) -> None:
+def test_object_without_costs_is_refused(left: Arm, objective: Any) -> None:
     curve = trace_self_motion(left, left.neutral, step_rad=0.2)
     with pytest.raises(RequestError, match=r"objective must be an object with a method costs"):
         best_on(curve, objective)
 
 
-def test_what_is_no_curve_has_no_best_point() -> None:
+def test_best_point_of_another_class_than_curve_is_refused() -> None:
     with pytest.raises(RequestError, match="curve must be of class SelfMotion, got int"):
         best_on(5, FarthestFromLimits())  # type: ignore[arg-type]
 

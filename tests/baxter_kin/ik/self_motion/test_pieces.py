@@ -9,6 +9,7 @@ import pytest
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.self_motion.continuation import EndKind, filled, loops_near
+from baxter_kin.ik.self_motion.curve_cubics import feet
 from baxter_kin.ik.self_motion.pieces import (
     SAME_CURVE_RAD,
     Piece,
@@ -16,7 +17,7 @@ from baxter_kin.ik.self_motion.pieces import (
     pieces_inside,
     pieces_through,
 )
-from baxter_kin.ik.self_motion.solution_curve import SolutionCurve, feet
+from baxter_kin.ik.self_motion.solution_curve import SolutionCurve
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
@@ -33,7 +34,7 @@ WITH_TINY_PIECE = [
 
 
 def pieces_of(arm: Arm, q: FloatArray) -> list[Piece]:
-    """Those of the loop through a configuration."""
+    """The pieces of the loop through a configuration."""
     solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
     return list(pieces_inside(solution_curve, loops_near(solution_curve, np.array([q]))))
 
@@ -54,8 +55,8 @@ def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
         assert min(curve.nearest(piece.points.q[0])[1] for piece in pieces) < 1e-6
 
 
-def test_ends_of_pieces_are_those_of_the_curves_through_them(arm: Arm) -> None:
-    """Those traced with limits, and those cut out of the loop: on the same limits."""
+def test_ends_of_pieces_agree_with_traced_curves(arm: Arm) -> None:
+    """Pieces traced with limits, and pieces cut out of the loop, end on the same limits."""
     rng = np.random.default_rng(4)
     for _ in range(6):
         for piece in pieces_of(arm, arm.random_configuration(rng)):
@@ -90,8 +91,8 @@ def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
             assert pose_error(robot, left, q, left.T_base_tip(q_known)) < 1e-9
 
 
-def test_what_of_a_loop_is_inside_the_limits_is_on_one_piece(arm: Arm) -> None:
-    """Between the points of the loop, sampled closely; pieces begin and end where it is not."""
+def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
+    """Sampled closely between the points of the loop."""
     rng, checked = np.random.default_rng(8), 0
     for _ in range(5):
         q = arm.random_configuration(rng)
@@ -112,7 +113,7 @@ AT_LIMIT_RAD = 1e-3
 """Nearer to a limit, a sample may be taken for the end of a piece."""
 
 CUBIC_RAD = 2e-4
-"""How far the cubics of a piece may be from the curve; 7e-5 on these loops."""
+"""Allowed distance of the cubics of a piece from the curve; 7e-5 on these loops."""
 
 
 def holds(piece: Piece, q: FloatArray) -> bool:
@@ -134,7 +135,7 @@ def test_ends_stand_on_the_limit_they_name_and_lead_out_of_it(arm: Arm) -> None:
                     assert (point.tangent[joint] > 0.0) == is_upper
 
 
-def test_loops_cut_together_are_each_cut_as_alone(left: Arm) -> None:
+def test_loops_cut_together_are_cut_as_separately(left: Arm) -> None:
     rng = np.random.default_rng(10)
     T = left.T_base_tip(left.start)
     solution_curve = SolutionCurve(left, T)
@@ -185,8 +186,8 @@ def test_more_starts_find_nothing_more(ik: IKService) -> None:
     assert [c.length_rad for c in one] == pytest.approx([c.length_rad for c in other], abs=1e-6)
 
 
-def test_pieces_are_of_the_arm_as_it_is(robot: Any) -> None:
-    """Also of one whose joints are not where those of the stock robot are."""
+def test_pieces_belong_to_the_given_arm(robot: Any) -> None:
+    """Also for an arm with other dimensions than the stock robot."""
     arm, rng = Arm("left", robot.model), np.random.default_rng(12)
     for i in range(1, 8):
         off = pin.exp6(np.concatenate([5e-3 * rng.uniform(-1, 1, 3), 1e-2 * rng.uniform(-1, 1, 3)]))
@@ -218,7 +219,7 @@ def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
 
 @pytest.mark.parametrize("held", [0, 2, 4])
 def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
-    """Of poses from configurations with so many joints at limits."""
+    """For poses of configurations with this many joints at limits."""
     for side, seed in (("left", 20), ("right", 21)):
         arm, rng = robot.arm(side), np.random.default_rng(seed)
         q = arm.random_configuration(rng)
@@ -230,7 +231,7 @@ def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
             assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
-def test_every_candidate_is_on_one_of_the_pieces_and_these_are_apart(arm: Arm) -> None:
+def test_every_candidate_is_on_exactly_one_piece(arm: Arm) -> None:
     T = arm.T_base_tip(arm.start)
     candidates = np.array(independent_solutions(arm, T, 30, seed=3))
     found = pieces_through(SolutionCurve(arm, T), candidates, 0.05)
@@ -268,6 +269,6 @@ def test_the_sweep_finds_the_pieces_that_searches_lead_to(left: Arm) -> None:
     assert len(swept) > 1
 
 
-def test_no_candidates_are_on_no_pieces(left: Arm) -> None:
+def test_no_candidates_give_no_pieces(left: Arm) -> None:
     T = left.T_base_tip(left.start)
     assert pieces_through(SolutionCurve(left, T), np.empty((0, 7)), 0.05) == ()

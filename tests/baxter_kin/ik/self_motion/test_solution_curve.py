@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -13,16 +12,12 @@ from hypothesis.extra import numpy as hnp
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.ik.self_motion.continuation import EndKind, filled, walk
+from baxter_kin.ik.self_motion.continuation import EndKind
 from baxter_kin.ik.self_motion.solution_curve import (
     TOUCHING_RAD,
     CurvePoint,
     CurvePoints,
-    Segment,
     SolutionCurve,
-    arc_lengths,
-    cubics,
-    feet,
     whole_turns_off,
 )
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
@@ -42,7 +37,7 @@ rows = hnp.arrays(np.float64, st.tuples(st.integers(0, 6), st.just(17)), element
 
 
 @given(rows)
-def test_points_are_what_they_are_made_of(rows: FloatArray) -> None:
+def test_points_return_their_columns(rows: FloatArray) -> None:
     points = CurvePoints(rows)
     assert len(points) == len(rows)
     np.testing.assert_array_equal(
@@ -68,7 +63,7 @@ def test_twice_the_other_way_is_the_same_way(rows: FloatArray) -> None:
         np.testing.assert_array_equal(CurvePoints.of([one]).rows, CurvePoints.of([other]).rows)
 
 
-def test_the_other_way_turns_the_tangent_and_its_determinant_alone() -> None:
+def test_reversing_changes_tangent_and_determinant_alone() -> None:
     point = CurvePoint(np.arange(7.0), np.eye(7)[2], 0.5, 1e-13, -0.1)
     other = point.reversed()
     np.testing.assert_array_equal(other.q, point.q)
@@ -77,7 +72,7 @@ def test_the_other_way_turns_the_tangent_and_its_determinant_alone() -> None:
 
 
 @given(rows, rows)
-def test_what_was_joined_is_cut_again(one: FloatArray, other: FloatArray) -> None:
+def test_joined_points_can_be_cut(one: FloatArray, other: FloatArray) -> None:
     joined = CurvePoints(one).then(CurvePoints(other))
     np.testing.assert_array_equal(joined.part(slice(len(one))).rows, one)
     np.testing.assert_array_equal(joined.part(slice(len(one), None)).rows, other)
@@ -135,7 +130,7 @@ def test_branches_that_cross_are_followed_through_a_singular_start(left: Arm) ->
     assert turn[0] @ turn[1] > 0.99
 
 
-def test_other_branch_of_a_singular_start_can_be_asked_for(left: Arm) -> None:
+def test_other_branch_of_a_singular_start_can_be_chosen(left: Arm) -> None:
     q = singular_near(left, CROSSING)
     first = trace_self_motion(left, q)
     plane = np.linalg.svd(left.jacobian(q))[2][5:]
@@ -172,7 +167,7 @@ def test_the_error_is_the_way_that_is_left_to_the_pose(any_arm: Arm) -> None:
         assert np.linalg.norm(curve_of(any_arm, q).error(q)) < 1e-14
 
 
-def test_what_is_corrected_stays_in_its_hyperplane(any_arm: Arm) -> None:
+def test_corrections_stay_in_their_hyperplane(any_arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for _ in range(20):
         q = any_arm.random_configuration(rng)
@@ -184,7 +179,7 @@ def test_what_is_corrected_stays_in_its_hyperplane(any_arm: Arm) -> None:
         assert normal @ (found[0] - off) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_is_far_from_the_pose_is_not_corrected(left: Arm) -> None:
+def test_configurations_far_from_the_pose_are_not_corrected(left: Arm) -> None:
     curve = SolutionCurve(left, at(3.0, 0.0, 0.0))
     assert curve.corrected(left.start, np.eye(7)[0]) is None
     with pytest.raises(ConfigurationError, match="misses the pose by"):
@@ -210,7 +205,7 @@ def test_clearance_is_that_of_the_nearest_limit_and_negative_outside(arm: Arm) -
     assert curve.without_limits.clearance_rad(q[3]) == math.inf
 
 
-def test_without_limits_whole_turns_are_no_way(left: Arm) -> None:
+def test_without_limits_whole_turns_are_ignored(left: Arm) -> None:
     curve = curve_of(left, left.start)
     end = left.start + 0.1 + 2.0 * math.pi * np.eye(7)[4]
     np.testing.assert_array_equal(curve.way(left.start, end), end - left.start)
@@ -225,7 +220,7 @@ def test_turned_configurations_are_next_to_the_middle_of_the_ranges(left: Arm) -
     np.testing.assert_allclose(curve.turned(q + turns), q, atol=1e-12)
 
 
-def test_what_is_outside_by_rounding_is_put_on_the_limit(left: Arm) -> None:
+def test_points_outside_by_rounding_are_moved_onto_the_limit(left: Arm) -> None:
     q = np.array(left.start)
     q[3] = left.limits.q_max[3]
     curve = curve_of(left, q)
@@ -253,126 +248,3 @@ def test_limits_of_some_joints_alone_leave_the_others_free(left: Arm) -> None:
     assert whole.clearance_rad(q) < -40.0
     assert np.isinf(limited.q_max[[0, 2, 3, 4, 5]]).all()
     assert whole.q_max[0] == left.limits.q_max[0]
-
-
-ROUNDING = 1e-12
-
-
-@pytest.fixture(scope="module")
-def curve(arm: Arm) -> SolutionCurve:
-    return SolutionCurve(arm, arm.T_base_tip(arm.start))
-
-
-@pytest.fixture(scope="module")
-def points(arm: Arm, curve: SolutionCurve) -> CurvePoints:
-    """Of the self-motion of the demo's start pose."""
-    start = curve.start(arm.start)
-    assert start is not None
-    return walk(curve, start)[0]
-
-
-@pytest.fixture(scope="module")
-def segments(curve: SolutionCurve, points: CurvePoints) -> list[Segment]:
-    return [Segment(curve, points[i], points[i + 1]) for i in range(len(points) - 1)]
-
-
-def test_both_ends_are_the_points_and_their_tangents(segments: list[Segment]) -> None:
-    for segment in segments:
-        for u, point in ((0.0, segment.a), (1.0, segment.b)):
-            np.testing.assert_array_equal(segment.exact(u), point.q)
-            np.testing.assert_allclose(segment.estimate(u), point.q, atol=ROUNDING)
-            np.testing.assert_allclose(segment.direction(u), point.tangent, atol=ROUNDING)
-
-
-def test_directions_are_those_in_which_the_cubic_goes_on(segments: list[Segment]) -> None:
-    step, difference = 1e-5, 1e-8
-    for segment in segments:
-        for u in (0.2, 0.5, 0.9):
-            slope = segment.estimate(u + step) - segment.estimate(u - step)
-            slope /= np.linalg.norm(slope)
-            np.testing.assert_allclose(segment.direction(u), slope, atol=difference)
-
-
-def test_in_between_it_is_exactly_on_the_pose_and_the_cubic_nearly(
-    arm: Arm, curve: SolutionCurve, segments: list[Segment]
-) -> None:
-    for segment in segments:
-        for u in (0.1, 0.5, 0.7):
-            exact = segment.exact(u)
-            assert np.linalg.norm(curve.error(exact)) < ROUNDING
-            assert np.linalg.norm(segment.estimate(u) - exact) < 1e-4  # steps of up to 0.2 rad
-
-
-def test_the_cubic_is_off_by_the_fourth_power_of_the_length(
-    arm: Arm, curve: SolutionCurve, points: CurvePoints
-) -> None:
-    off = []
-    for step_rad in (0.2, 0.1):
-        closer, _ = filled(curve, points, step_rad)
-        all_segments = (Segment(curve, closer[i], closer[i + 1]) for i in range(len(closer) - 1))
-        long = [each for each in all_segments if each.length_rad > 0.6 * step_rad]
-        gaps = [np.linalg.norm(each.estimate(0.5) - each.exact(0.5)) for each in long]
-        off.append(np.median(gaps))
-    assert off[1] < off[0] / 4.0  # up to a sixteenth; the steps are not quite halved
-
-
-def test_lengths_are_those_of_a_fine_polygon(segments: list[Segment]) -> None:
-    for segment in segments:
-        fine = np.array([segment.estimate(u) for u in np.linspace(0.0, 1.0, 201)])
-        polygon = np.linalg.norm(np.diff(fine, axis=0), axis=1).sum()
-        assert segment.length_rad == pytest.approx(polygon, rel=1e-5)
-
-
-def test_coefficients_are_those_of_the_cubic_and_it_turns_where_it_is_flat(
-    segments: list[Segment],
-) -> None:
-    for segment in segments:
-        for joint in range(7):
-            c = segment.coefficients(joint)
-            for u in (0.0, 0.3, 1.0):
-                value = sum(factor * u**power for power, factor in enumerate(c))
-                assert value == pytest.approx(segment.estimate(u)[joint], abs=ROUNDING)
-            turns = segment.turns(joint)
-            assert turns == sorted(turns)
-            for u in turns[1:-1]:
-                assert c[1] + u * (2.0 * c[2] + 3.0 * u * c[3]) == pytest.approx(0.0, abs=1e-9)
-            for low, high in pairwise(turns):
-                values = [segment.estimate(u)[joint] for u in np.linspace(low, high, 20)]
-                steps = np.diff(values)
-                assert (steps >= -ROUNDING).all() or (steps <= ROUNDING).all()
-
-
-def shifted(points: CurvePoints) -> FloatArray:
-    """Their configurations, those in the middle with a whole turn of a joint."""
-    q, third = points.q.copy(), len(points) // 3
-    q[third : 2 * third, 4] += 2.0 * math.pi
-    return q
-
-
-def test_many_cubics_are_each_as_one_alone(points: CurvePoints, segments: list[Segment]) -> None:
-    which, u = np.arange(len(segments)), np.random.default_rng(1).random(len(segments))
-    for q in (points.q, shifted(points)):
-        found, _ = cubics(q, points.tangent, which, u)
-        expected = [segment.estimate(share) for segment, share in zip(segments, u, strict=True)]
-        turns = (found - np.array(expected)) / (2.0 * math.pi)
-        np.testing.assert_allclose(turns, np.round(turns), atol=ROUNDING)
-
-
-def test_feet_tell_how_far_away_a_configuration_is(
-    curve: SolutionCurve, points: CurvePoints
-) -> None:
-    points, _ = filled(curve, points, 0.02)
-    segments = [Segment(curve, points[i], points[i + 1]) for i in range(0, len(points) - 1, 20)]
-    for q in (points.q, shifted(points)):
-        for segment in segments:
-            direction = segment.direction(0.4)
-            across = np.linalg.svd(direction[None])[2][3]
-            near = segment.estimate(0.4) + np.array([[0.0], [1e-3]]) * across
-            distance, along = feet(q, points.tangent, near)
-            np.testing.assert_allclose(distance, [0.0, 1e-3], atol=1e-6)
-            np.testing.assert_allclose(along @ direction, 1.0, atol=1e-5)
-
-
-def test_a_straight_line_is_as_long_as_its_chord() -> None:
-    chord = np.array([0.0, 0.3, 0.0, 0.4, 0.0, 0.0, 0.0])
-    assert arc_lengths(chord, chord / 0.5, chord / 0.5) == pytest.approx(0.5, rel=ROUNDING)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.compilation.compiler import Compiler
-from baxter_kin.compilation.machine_code import (
+from baxter_kin.compilation.kernel_cache import (
     ABANDONED_AFTER_S,
     MAX_LIBRARIES,
     KernelCache,
@@ -31,7 +31,7 @@ def new_process() -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KernelCache:
-    """The user's, and empty."""
+    """The user's cache, empty."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return next(kernel_caches())
 
@@ -87,7 +87,7 @@ def test_the_users_folder_is_made_for_the_user_alone(cache: KernelCache, tmp_pat
     assert cache.folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_what_others_may_write_to_is_not_used_and_told_once(
+def test_writable_folder_is_reported_once(
     cache: KernelCache, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache.folder.chmod(0o777)
@@ -120,7 +120,7 @@ def test_a_folder_of_another_user_is_not_used(
 def test_root_makes_no_folder_in_the_home_of_a_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The user could not use it."""
+    """The user could not use the folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / ".cache"))
     real_stat = Path.stat
 
@@ -136,7 +136,7 @@ def test_root_makes_no_folder_in_the_home_of_a_user(
 
 
 @pytest.mark.parametrize("what", ["link", "dangling link", "file", "below a file"])
-def test_what_is_no_folder_is_not_used(
+def test_other_files_are_not_used_as_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -158,7 +158,7 @@ def test_where_a_system_does_not_know_owners_nothing_is_kept(
     cache: KernelCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr(os, "geteuid")
-    with pytest.raises(FileError, match="does not say who owns it"):
+    with pytest.raises(FileError, match="does not know its owner"):
         list(kernel_caches())
 
 
@@ -166,7 +166,7 @@ def test_the_private_folder_is_gone_when_its_process_is_but_outlives_forks(
     tmp_path: Path,
 ) -> None:
     program = (
-        "import os, sys; from baxter_kin.compilation.machine_code import private_folder\n"
+        "import os, sys; from baxter_kin.compilation.kernel_cache import private_folder\n"
         "folder = private_folder()\n"
         "if os.fork() == 0: sys.exit()\n"
         "os.wait()\n"
@@ -190,14 +190,14 @@ def test_a_private_folder_that_was_tidied_away_is_made_again(
     assert private.folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_what_is_kept_is_found(cache: KernelCache) -> None:
+def test_kept_libraries_are_found(cache: KernelCache) -> None:
     library = keep(cache, "key")
     assert cache.library("key") == library
     assert library.read_bytes() == b"content"
     assert cache.library("other") is None
 
 
-def test_what_is_kept_takes_the_place_of_what_was_there(cache: KernelCache) -> None:
+def test_kept_library_replaces_the_one_before(cache: KernelCache) -> None:
     keep(cache, "key", b"old")
     assert keep(cache, "key", b"new").read_bytes() == b"new"
     assert cache.library("key") is not None
@@ -233,7 +233,7 @@ def test_no_more_notes_than_libraries_are_kept(cache: KernelCache) -> None:
     assert len(list(cache.folder.glob("*.note"))) < MAX_LIBRARIES
 
 
-def test_what_a_killed_process_left_is_removed_after_a_day(cache: KernelCache) -> None:
+def test_abandoned_builds_are_removed_after_a_day(cache: KernelCache) -> None:
     old, recent = cache.folder / "build-old", cache.folder / "build-recent"
     for folder in old, recent:
         folder.mkdir()
