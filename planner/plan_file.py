@@ -35,6 +35,7 @@ from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
+from baxter_kin.validation import expect
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
 from planner.scene.attachment import Attachment
@@ -105,6 +106,7 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
         PlanFileError: when it cannot be written, or the plan contains something that a plan file
             cannot represent.
     """
+    check_size(expect(plan, Plan, "plan", PlanFileError), plan.start, PlanFileError)
     document = plan_document(plan)
     if certificate is not None:
         document[_CERTIFICATE] = dict(certificate)
@@ -123,9 +125,6 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
 
 def plan_document(plan: Plan) -> dict[str, Json]:
     """The content of a plan file, without its checksum."""
-    if not isinstance(plan, Plan):
-        raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
-    check_size(plan, plan.start, PlanFileError)
     states = [step.state for step in plan if step.state is not None]
     changes = tuple(map(_Change.between, (plan.start, *states), states))
     bare = evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
@@ -138,6 +137,9 @@ def plan_document(plan: Plan) -> dict[str, Json]:
 def load_plan(path: PathLike) -> Plan:
     """Read a plan from a file.
 
+    A certificate in the file is not read: it is for `planner.certificate`, which needs nothing but
+    the file, and `verify` finds its own.
+
     Raises:
         PlanFileError: when the file cannot be read, is damaged or edited, or contains no plan; says
             which, and what to do.
@@ -149,7 +151,7 @@ def load_plan(path: PathLike) -> Plan:
 
 
 def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
-    """Raise an error when a plan, or the scene of a state, exceeds `MAX_COUNTS`."""
+    """Raise `error` when a plan, or the scene of a state, exceeds `MAX_COUNTS`."""
     bodies = list(state.scene)
     parts = [part for body in bodies for part in body.parts]
     counts = {

@@ -7,7 +7,6 @@ its box, found by the algorithm of Gilbert, Johnson and Keerthi; else a cluster 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,37 +62,46 @@ def unproven_cells(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], tube: Tube, shortest: int
 ) -> NDArray[np.bool_]:
     """As `planner.prover.kernel.Kernel.unproven_cells` does."""
-    search = _Search(robot, clusters, pairs, tube, 0.0, shortest)
+    search = _Search(robot, clusters, pairs, tube, 0.0, shortest=shortest)
     is_proven = search.run(MAX_BOXES).outcome == Outcome.PROVEN
     return search.is_open | (not is_proven)
 
 
-@dataclass
 class _Search:
-    """Rows that keep a margin; or, where spans of few cells end it, those that do not."""
+    """A search for rows that keep a margin in a tube.
 
-    robot: Joints
-    clusters: Clusters
-    pairs: Sequence[Pair]
-    tube: Tube
-    margin_m: float
-    shortest: int = 0
+    Attributes:
+        is_open: cells in which some pair is not shown to keep the margin, shape (n,); found where
+            spans of few cells are not cut.
+    """
 
-    def __post_init__(self) -> None:
-        self.is_open = np.zeros(len(self.tube.low) - 1, np.bool_)
-        self._level = np.array([[p.second.level, p.first.level] for p in self.pairs], np.intp)
-        slides = [[p.first.slide_m[0], p.second.slide_m[0]] for p in self.pairs]
+    def __init__(
+        self,
+        robot: Joints,
+        clusters: Clusters,
+        pairs: Sequence[Pair],
+        tube: Tube,
+        margin_m: float,
+        *,
+        shortest: int = 0,
+    ) -> None:
+        """Prepare the search; spans of at most `shortest` cells are marked instead of cut."""
+        self._robot, self._clusters, self._pairs, self._tube = robot, clusters, pairs, tube
+        self._margin_m, self._shortest = margin_m, shortest
+        self.is_open = np.zeros(len(tube.low) - 1, np.bool_)
+        self._level = np.array([[p.second.level, p.first.level] for p in pairs], np.intp)
+        slides = [[p.first.slide_m[0], p.second.slide_m[0]] for p in pairs]
         self._slide = np.array(slides).reshape(-1, 2)
 
     def run(self, most: int) -> BoxesFound:
-        boxes, proven_m, traces, count = Boxes.of(self.pairs, self.tube), np.inf, [_NO_TRACE], 0
+        boxes, proven_m, traces, count = Boxes.of(self._pairs, self._tube), np.inf, [_NO_TRACE], 0
         while len(boxes):
             count += len(boxes)
             n, apart = self._directions(boxes)
-            gaps = box_gaps_m(self.robot, self.clusters, self.pairs, boxes, n)
+            gaps = box_gaps_m(self._robot, self._clusters, self._pairs, boxes, n)
             letters = self._letters(boxes, apart, gaps)
             is_apart = letters == SEPARATED
-            is_marked = is_apart & (gaps <= self.margin_m + SPARE_M)
+            is_marked = is_apart & (gaps <= self._margin_m + SPARE_M)
             for row in np.flatnonzero(is_marked).tolist():
                 self.is_open[boxes.start[row] : boxes.end[row]] = True
             proven_m = min(proven_m, float(gaps[is_apart].min(initial=np.inf)))
@@ -108,9 +116,9 @@ class _Search:
                 q = 0.5 * (boxes.low[worst] + boxes.high[worst])
                 return BoxesFound(Outcome.NOT_SHOWN, 0.0, _NONE, near, q, _NO_TRACE)
             at_cut = np.flatnonzero(~is_apart)
-            boxes = boxes.only(at_cut).halves(letters[at_cut], self.clusters, self.tube)
+            boxes = boxes.only(at_cut).halves(letters[at_cut], self._clusters, self._tube)
             spans = zip(boxes.start.tolist(), boxes.end.tolist(), strict=True)
-            if self.shortest:
+            if self._shortest:
                 boxes = boxes.only([not self.is_open[a:b].all() for a, b in spans])
         columns = ([getattr(trace, c) for trace in traces] for c in ("letters", "directions"))
         trace = BoxTrace(*(np.concatenate(column) for column in columns))
@@ -118,12 +126,12 @@ class _Search:
         return BoxesFound(Outcome.PROVEN, proven_m - SPARE_M, _NONE, _NONE, q, trace)
 
     def _letters(self, boxes: Boxes, apart: Array, gaps: Array) -> Nodes:
-        need_m = self.margin_m + SPARE_M
+        need_m = self._margin_m + SPARE_M
         letters = np.full(len(boxes), SEPARATED, np.intp)
         at = np.flatnonzero(gaps <= need_m)
         open_ = boxes.only(at)
         first, second = (
-            np.where(self.clusters.children(x)[:, 0] == LEAF, 0.0, self.clusters.extents_m(x))
+            np.where(self._clusters.children(x)[:, 0] == LEAF, 0.0, self._clusters.extents_m(x))
             for x in (open_.first, open_.second)
         )
         loss = apart[at] - gaps[at]
@@ -131,25 +139,25 @@ class _Search:
         is_by_box |= (apart[at] - need_m > OF_LOSS * loss) | (loss > np.maximum(first, second))
         chosen = np.where(first >= second, CUT_FIRST, CUT_SECOND)
         chosen[is_by_box] = self._halved(open_)[is_by_box]
-        is_marked = is_by_box & (open_.end - open_.start <= self.shortest)
+        is_marked = is_by_box & (open_.end - open_.start <= self._shortest)
         letters[at] = np.where(is_marked, SEPARATED, chosen)
         return letters
 
     def _halved(self, boxes: Boxes) -> Nodes:
         """Whether time is cut, or which joint."""
-        level, rho = self._level[boxes.pair], self.clusters.reaches_m(boxes.first)
+        level, rho = self._level[boxes.pair], self._clusters.reaches_m(boxes.first)
         reach = np.zeros((len(boxes), ARM_JOINTS))
         for joint in range(ARM_JOINTS - 1, -1, -1):
             counts = (level[:, 0] <= joint) & (joint < level[:, 1])
             reach[:, joint] = np.where(counts, rho, 0.0)
-            rho = np.where(counts, rho + self.robot.offsets[joint], rho)
+            rho = np.where(counts, rho + self._robot.offsets[joint], rho)
         middle = (boxes.start + boxes.end) // 2
-        still = np.minimum(boxes.high, self.tube.high[middle])
-        still = (still - np.maximum(boxes.low, self.tube.low[middle])).clip(0.0)
+        still = np.minimum(boxes.high, self._tube.high[middle])
+        still = (still - np.maximum(boxes.low, self._tube.low[middle])).clip(0.0)
         widths = boxes.high - boxes.low
         motion = (reach * (widths - still).clip(0.0)).sum(axis=1)
         widest = (reach * widths).max(axis=1, initial=0.0)
-        is_in_time = (motion >= OF_MOTION * widest) | (self.shortest > 0)
+        is_in_time = (motion >= OF_MOTION * widest) | (self._shortest > 0)
         is_in_time &= boxes.end - boxes.start > 1
         found: Nodes = np.where(is_in_time, CUT_TIME, CUT_JOINT + (reach * widths).argmax(axis=1))
         return found
@@ -157,7 +165,7 @@ class _Search:
     def _directions(self, boxes: Boxes) -> tuple[Array, Array]:
         """Directions that leave much in the middles of boxes, of length 1, and how much."""
         R, p = self._frames(boxes)
-        middles = [self.clusters.middles(nodes) for nodes in (boxes.first, boxes.second)]
+        middles = [self._clusters.middles(nodes) for nodes in (boxes.first, boxes.second)]
         v = np.einsum("kij,kj->ki", R, middles[0]) + p - middles[1]
         v[np.linalg.norm(v, axis=1) < 1e-9] = [0.0, 0.0, 1.0]
         count = len(boxes)
@@ -188,8 +196,8 @@ class _Search:
         """The point of the difference of both clusters that is lowest along directions."""
         y, slide = np.eye(3)[1], self._slide[boxes.pair]
         own = np.einsum("kij,ki->kj", R, d)
-        first = self.clusters.lowest_points(boxes.first, own) + slide[:, :1] * y
-        second = self.clusters.lowest_points(boxes.second, -d) + slide[:, 1:] * y
+        first = self._clusters.lowest_points(boxes.first, own) + slide[:, :1] * y
+        second = self._clusters.lowest_points(boxes.second, -d) + slide[:, 1:] * y
         found: Array = np.einsum("kij,kj->ki", R, first) + p - second
         return found
 
@@ -197,7 +205,7 @@ class _Search:
         """Poses of the frames of the first clusters seen from the second's, in the middles."""
         q, level = 0.5 * (boxes.low + boxes.high), self._level[boxes.pair]
         R, p = np.tile(np.eye(3), (len(boxes), 1, 1)), np.zeros((len(boxes), 3))
-        for joint, span in enumerate(self.robot.spans):
+        for joint, span in enumerate(self._robot.spans):
             counts = ((level[:, 0] <= joint) & (joint < level[:, 1]))[:, None]
             turn = np.tile(np.eye(3), (len(boxes), 1, 1))
             c, s = np.cos(q[:, joint]), np.sin(q[:, joint])

@@ -24,7 +24,7 @@ from planner.certificate.timeline import PRESS_M, Limits, StepWitness, Timeline
 from planner.certificate.touching import DistanceBounds
 from planner.errors import TaskError
 from planner.plan import Plan
-from planner.plan_file import plan_document
+from planner.plan_file import check_size, plan_document
 from planner.prover.kernel import SHARES, NotShownError, rows_kernel
 from planner.prover.witness import witness_of
 
@@ -56,7 +56,8 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
     """
     known = RobotDescription.installed() if description is None else description
     expect(known, RobotDescription, "description", TaskError)
-    document = plan_document(expect(plan, Plan, "plan", TaskError))
+    check_size(expect(plan, Plan, "plan", TaskError), plan.start, TaskError)
+    document = plan_document(plan)
     try:
         witness = SoughtTimeline(document, known.text).witness()
         check(document, known.text, body=body_of(known.text), certificate=witness)

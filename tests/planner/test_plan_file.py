@@ -438,7 +438,7 @@ def test_a_failed_write_keeps_the_old_file(
 
 
 def test_only_plans_are_saved(file: Path) -> None:
-    with pytest.raises(PlanFileError, match="only a Plan can be saved, got dict"):
+    with pytest.raises(PlanFileError, match="plan must be of class Plan, got dict"):
         save_plan({}, file)  # type: ignore[arg-type]
 
 
