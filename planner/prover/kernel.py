@@ -1,8 +1,8 @@
-"""Rows by a kernel in C, which `rows.c` describes; compiled once where a C compiler is found.
+"""Rows found by a kernel in C, which `rows.c` describes; compiled once where there is a compiler.
 
-`Kernel.search` works on arrays: where trees of clusters are, which pairs of them must keep apart
-while an arm moves. The planner proves motions by it. `Kernel.rows` finds the rows of one step of a
-certificate.
+`Kernel.search` works on arrays: where trees of clusters are, and which pairs of them must keep
+apart while an arm moves. The planner proves motions by it. `Kernel.rows` finds the rows of one step
+of a certificate.
 """
 
 from __future__ import annotations
@@ -10,12 +10,10 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,23 +22,28 @@ from numpy.typing import NDArray
 from baxter_kin.compilation.machine_code import built, key_of
 from planner.certificate.boxes import BoxTrace, Tube
 from planner.certificate.clusters import Clusters, Shape
-from planner.certificate.errors import NotCertifiedError
-from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.intervals import Array
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Step, Trace
+from planner.prover.problem import (
+    PAIR,
+    SPARE_M,
+    BoxesFound,
+    Chain,
+    Found,
+    Near,
+    NotShownError,
+    Outcome,
+    PlacedShapes,
+    Rows,
+)
 
 MAX_LETTERS = 1 << 19
 """Of one step."""
 
 MAX_BOXES = 40_000
 """Letters of the search over one tube; most take some hundreds."""
-
-SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is asked for; the next where one cannot be shown."""
-
-SPARE_M = 1e-7
-"""By how much more than needed a row must conclude, so that the checker's rounding agrees."""
 
 SINGLE = 1.2e-7
 """The same as a share of the size of what is placed: points are in single precision here."""
@@ -49,140 +52,6 @@ _VERSION = 5
 
 MANY, CELLS = 512, 6 * 4**3
 """Nodes of so many points have a list of them for so many cells of directions, as in `rows.c`."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """What leads the checker through one step.
-
-    Attributes:
-        trace: letters of all levels, and directions.
-        proven_m: what counted pairs keep at every instant, as the checker will find too; inf where
-            none counts.
-    """
-
-    trace: Trace
-    proven_m: float
-
-
-class Outcome(IntEnum):
-    """How a search ends, as `rows.c` numbers it."""
-
-    PROVEN = 0
-    TOO_NEAR = 1
-    NOT_SHOWN = 2
-    TOO_MUCH = 3
-
-
-class Near(NamedTuple):
-    """How near a pair comes.
-
-    Attributes:
-        pair: its number; -1 for none.
-        distance_m: infinite for none.
-        time_s: when.
-    """
-
-    pair: int
-    distance_m: float
-    time_s: float
-
-
-class NotShownError(NotCertifiedError):
-    """Rows do not show that all pairs keep what they must.
-
-    Attributes:
-        near: the pair, by its number in the step; None where there are too many rows.
-        step: the step; None likewise.
-    """
-
-    near: Near | None = None
-    step: Step | None = None
-
-    @classmethod
-    def of(cls, step: Step, near: Near) -> NotShownError:
-        """The error that names the pair that comes too near."""
-        first, second = step.pairs[near.pair].first.name, step.pairs[near.pair].second.name
-        distance_mm = round(1e3 * near.distance_m, 3) + 0.0
-        error = cls(
-            f"{step.label}: {first} and {second} come as near as {distance_mm:.3f} mm "
-            f"at {near.time_s:.4f} s"
-        )
-        error.near, error.step = near, step
-        return error
-
-
-class Chain(NamedTuple):
-    """A serial chain of n joints, each of which turns about the z axis of its frame.
-
-    Attributes:
-        R, p: poses of each joint at position 0 seen from the one before, the first from base,
-            shapes (n, 3, 3) and (n, 3).
-        offsets: lengths of p, shape (n,), m.
-    """
-
-    R: Array
-    p: Array
-    offsets: Array
-
-    @classmethod
-    def of(cls, robot: Robot) -> Chain:
-        """That of the arm that moves."""
-        R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
-        return cls(np.array(R), np.array(p), robot.offsets)
-
-    @property
-    def spans(self) -> Sequence[Pose]:
-        """The same poses, as the checker's code takes them."""
-        return [Pose(Interval(R), Interval(p)) for R, p in zip(self.R, self.p, strict=True)]
-
-    @classmethod
-    def of_poses(cls, T: Array) -> Chain:
-        """By the pose of each joint at position 0 seen from the one before, shape (n, 4, 4)."""
-        R, p = T[:, :3, :3], T[:, :3, 3]
-        return cls(R, p, np.linalg.norm(p, axis=1))
-
-
-class Found(NamedTuple):
-    """What a search found.
-
-    Attributes:
-        outcome: how it ended.
-        proven_m: what counted pairs keep at every instant where it is `PROVEN`, inf where none
-            counts.
-        nearest: the nearest that a counted pair was found.
-        stopped: the pair that is too near, or is not shown to be apart.
-        letters, directions, fine: as `planner.certificate.rows.Trace` has them.
-    """
-
-    outcome: Outcome
-    proven_m: float
-    nearest: Near
-    stopped: Near
-    letters: np.ndarray[Any, Any]
-    directions: np.ndarray[Any, Any]
-    fine: np.ndarray[Any, Any]
-
-
-class BoxesFound(NamedTuple):
-    """What a search over a tube found.
-
-    Attributes:
-        outcome: how it ended.
-        proven_m: what all pairs keep wherever the joints may be where it is `PROVEN`; inf where
-            there are none.
-        nearest: the nearest that a pair was found where the joints may be, and at which instant.
-        stopped: the pair that is too near, or is not shown to be apart, likewise.
-        q: where the joints were when the nearest was met, shape (7,), rad.
-        trace: letters and directions, as `planner.certificate.boxes` reads them.
-    """
-
-    outcome: Outcome
-    proven_m: float
-    nearest: Near
-    stopped: Near
-    q: Array
-    trace: BoxTrace
 
 
 class _Tree(ctypes.Structure):
@@ -251,15 +120,6 @@ _PLACED = np.dtype(
         ("ball", np.float64),
         ("disc", np.float64),
         ("apex", np.float64, 3),
-    ],
-    align=True,
-)
-
-PAIR = np.dtype(
-    [
-        *((name, np.int32) for name in ("first", "second", "k", "m", "is_counted")),
-        *((name, np.float64) for name in ("least", "begin", "end")),
-        ("slides", np.float64, 4),
     ],
     align=True,
 )
@@ -498,21 +358,6 @@ def _ends(result: _Result, spare_m: float) -> tuple[float, Near, Near]:
         Near(result.nearest_pair, nearest_m, result.nearest_s),
         Near(result.found_pair, result.found, result.found_s),
     )
-
-
-class PlacedShapes(NamedTuple):
-    """Shapes where they are.
-
-    Attributes:
-        shapes: n of them.
-        R, p: their poses in the frames that carry them, shapes (n, 3, 3) and (n, 3).
-        thicker_m: by how much they count as thicker all around, shape (n,), m.
-    """
-
-    shapes: Sequence[Shape]
-    R: Array
-    p: Array
-    thicker_m: Array
 
 
 class Trees:

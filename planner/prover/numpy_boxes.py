@@ -26,8 +26,8 @@ from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.intervals import Array
 from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Joints, Pair
-from planner.prover.kernel import SPARE_M, BoxesFound, Near, Outcome
 from planner.prover.numpy_search import MAX_ITERATIONS, least_norm_weights
+from planner.prover.problem import SPARE_M, BoxesFound, Near, Outcome
 
 MAX_BOXES, MAX_BOXES_OF_TRIALS = 20_000, 4_000
 """Tasks of one tube; and where less may be asked for if they do not do."""

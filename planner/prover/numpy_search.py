@@ -33,7 +33,7 @@ from planner.certificate.rows import (
     Tasks,
     Trace,
 )
-from planner.prover.kernel import (
+from planner.prover.problem import (
     SPARE_M,
     Chain,
     Found,

@@ -1,8 +1,8 @@
 """Certificates of motions that something else planned or recorded.
 
-A motion is certified as a move of a plan is, by the same pairs and rows and the same checker
-(`planner.certificate`); where a plan derives from its grips what may touch what, here the caller
-states it, and the certificate repeats it.
+A motion is certified like a move of a plan, with the same pairs and rows and by the same checker
+(`planner.certificate`). A plan's intended contacts follow from its grips; here the caller states
+them, and the certificate repeats them.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certifie
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES
 from planner.certificate.robot import ARM_JOINTS, Robot
-from planner.certificate.timeline import MOTION, STATE, StepWitness, Timeline
+from planner.certificate.timeline import MOTION, STATE_TOLERANCE, StepWitness, Timeline
 from planner.errors import PlanFileError, TaskError, TrajectoryError
-from planner.prover.kernel import SHARES, NotShownError, rows_kernel
-from planner.prover.witness import witness_of
+from planner.prover.kernel import rows_kernel
+from planner.prover.problem import SHARES, NotShownError
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.verification.prover import body_of
+from planner.verification.witness import body_of, witness_of
 
 MARGINS_M = (0.001, 0.005, 0.02)
-"""Without a C compiler, the greatest of these that can be shown is certified; 0 else."""
+"""Without a C compiler, the greatest of these that can be proven is certified, or 0."""
 
 
 @frozen(error=TrajectoryError)
@@ -134,7 +134,7 @@ class PolynomialMotion:
         q = finite_rows(q, ARM_JOINTS, "q", TrajectoryError)
         times_s = finite_array(times_s, (len(q),), "times_s", TrajectoryError)
         if len(q) < 2 or not (np.diff(times_s) > 0.0).all():
-            raise TrajectoryError("a motion needs two points or more, at times that increase")
+            raise TrajectoryError("a motion needs at least two points, at increasing times")
         if a is not None and v is None:
             raise TrajectoryError("accelerations need velocities as well")
         points = [q] + [
@@ -161,7 +161,7 @@ class PolynomialMotion:
         """
         q = finite_rows(q, ARM_JOINTS, "waypoints", TrajectoryError)
         if len(q) < 2:
-            raise TrajectoryError("a path needs two waypoints or more")
+            raise TrajectoryError("a path needs at least two waypoints")
         derivatives = np.stack([q[:-1], np.diff(q, axis=0)], axis=1)
         return cls(np.arange(float(len(q))), derivatives, joint_names, is_timed=False)
 
@@ -285,12 +285,12 @@ def certify(
     a_max: ArrayLike | None = None,
     j_max: ArrayLike | None = None,
 ) -> MotionCertificate:
-    """Certify a motion that something else planned or recorded, or say where it fails.
+    """Certify a motion that something else planned or recorded, or state where it fails.
 
-    All that moves keeps clear of all that may not be touched at every instant of the motion, and
-    the positions of the joints are within the URDF's limits; so are velocities where the motion has
-    times. Links of the arm with one joint between them are not compared, and those with two
-    need only not touch, as in a plan.
+    Everything that moves keeps clear of everything that it may not touch, at every instant of the
+    motion, and the joints stay within the URDF's limits of position, and of velocity where the
+    motion has times. As in a plan, links of the arm with one joint between them are not compared,
+    and those with two must not touch.
 
     Args:
         motion: a trajectory of this toolkit, polynomials, or waypoints of shape (n, 7), rad, with
@@ -298,18 +298,18 @@ def certify(
         limb: the arm that moves, "left" or "right".
         state: all joints, bodies and what the hands hold when the motion begins. What the hand of
             this arm holds moves with it.
-        contacts: what may touch what all the time, 0.5 mm deep at most: a body and a hand,
-            ("block", "left hand"), or the held body and another, ("block", "table"). Nothing
-            derives or checks that this is meant; the certificate says what was assumed.
+        contacts: pairs that may touch all the time, at most 0.5 mm deep: a body and a hand,
+            ("block", "left hand"), or the held body and another one, ("block", "table"). They are
+            assumed, not checked; the certificate lists them.
         description: the robot; the stock robot when not given.
-        a_max: greatest acceleration of each joint, one number or shape (7,), rad/s^2; not judged
-            when not given, and not given for motions without times.
-        j_max: likewise of jerk, rad/s^3.
+        a_max: maximum acceleration of each joint, one number or shape (7,), rad/s^2; not judged
+            when not given; not allowed for motions without times.
+        j_max: maximum jerk, likewise, rad/s^3.
 
     Raises:
         TrajectoryError: when the motion is malformed or of a degree above 5.
-        TaskError: when another argument is malformed, or the motion is of other joints or begins
-            elsewhere than the state has the arm.
+        TaskError: when another argument is malformed, or the motion is of other joints, or does not
+            begin at the arm's position in the state.
         UnknownNameError: when there is no such limb.
     """
     if not isinstance(limb, str) or limb not in LIMBS:
@@ -320,7 +320,7 @@ def certify(
     robot, body = Robot(text, limb), body_of(text)
     given = _ordered(_polynomials(motion), robot, state)
     if not given.is_timed and not (a_max is None and j_max is None):
-        raise TaskError("a path has no times, so no accelerations or jerks to be judged by limits")
+        raise TaskError("a path has no times, so it cannot be judged by acceleration or jerk")
     step: dict[str, Json] = {
         "type": MOTION,
         "label": "motion",
@@ -352,9 +352,9 @@ def certify(
 
 
 def _witness(timeline: Timeline, digest: str) -> Witness:
-    """The certificate with the greatest share of the least distance that can be shown.
+    """The certificate with the greatest clearance that can be proven.
 
-    Without a C compiler, with the greatest of some margins.
+    Of `SHARES` of the smallest distance found, or without a C compiler of `MARGINS_M`.
     """
 
     def found(**asked: Any) -> Witness | NotShownError:
@@ -362,7 +362,7 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
             return witness_of(timeline, digest, (StepWitness(),), **asked)
         except NotShownError as cause:
             if cause.near is not None and cause.near.distance_m <= 0.0:
-                raise  # what touches is not shown by asking for less
+                raise  # a contact: asking for less does not help
             return cause
 
     if rows_kernel() is None:
@@ -381,7 +381,7 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
 
 
 def _nearest(cause: NotShownError) -> tuple[tuple[str, str], float, float] | tuple[()]:
-    """The pair that comes too near, how near, and when in the motion."""
+    """The pair that comes too near, its distance, m, and the time in the motion, s."""
     near, step = cause.near, cause.step
     if near is None or step is None:
         return ()
@@ -396,27 +396,27 @@ def _polynomials(motion: AnyMotion) -> PolynomialMotion:
     if not isinstance(motion, Trajectory):
         return PolynomialMotion.waypoints(motion)
     if not len(motion.j):
-        raise TrajectoryError("a motion of no duration has nothing to certify")
+        raise TrajectoryError("a motion of zero duration has nothing to certify")
     derivatives = np.stack([motion.q[:-1], motion.v[:-1], motion.a[:-1], motion.j], axis=1)
     return PolynomialMotion(motion.knots_s, derivatives, motion.limits.names)
 
 
 def _ordered(motion: PolynomialMotion, robot: Robot, state: State) -> PolynomialMotion:
-    """A motion with the arm's joints from shoulder to wrist, if it begins where the state is."""
+    """The motion with its joints ordered from shoulder to wrist; it must begin at the state."""
     names = motion.joint_names or robot.names
     if set(names) != set(robot.names):
         raise TaskError(
-            f"the motion is of {', '.join(names)}; it must be of the {robot.limb} arm's joints, "
+            f"the motion is of {', '.join(names)}; it must be of the {robot.limb} arm's joints: "
             f"{', '.join(robot.names)}"
         )
     columns = [names.index(name) for name in robot.names]
     derivatives = motion.derivatives[:, :, columns]
-    away = np.abs(derivatives[0, 0] - state.q(robot.names))
-    worst = int(away.argmax())
-    if not away[worst] <= STATE:
+    distance = np.abs(derivatives[0, 0] - state.q(robot.names))
+    worst = int(distance.argmax())
+    if not distance[worst] <= STATE_TOLERANCE:
         raise TaskError(
-            f"the motion begins {away[worst]:.3g} rad from where the state has "
-            f"{robot.names[worst]}; give a state with the arm there, as `State.moved` makes it"
+            f"the motion begins {distance[worst]:.3g} rad from the position of "
+            f"{robot.names[worst]} in the state; give a state with the arm there, by `State.moved`"
         )
     return evolve(motion, derivatives=derivatives, joint_names=robot.names)
 
@@ -434,36 +434,36 @@ def _limit(given: ArrayLike | None, name: str) -> Json:
 
 
 def _contacts(given: Iterable[tuple[str, str]], limb: str, state: State) -> list[Json]:
-    """Contacts as the file has them."""
+    """Contacts as a motion's file states them."""
     held, hands = state.holding(limb), (f"{limb} hand", f"{limb} pads")
     standing = {*state.scene.bodies} - {each.body for each in state.attachments}
     found: list[Json] = []
     for pair in expect_all(given, tuple, "contacts", TaskError):
         if len(pair) != 2:
-            raise TaskError(f"a contact is of two names, got {quoted(pair)}")
+            raise TaskError(f"a contact must be two names, got {quoted(pair)}")
         body, other = pair
         is_of_hand = other in hands and body in standing
         is_of_held = held is not None and body == held.body and other in standing
         if not (is_of_hand or is_of_held):
             carried = "nothing" if held is None else held.body
             raise TaskError(
-                f"no contact of {quoted(body)} and {quoted(other)}: give a body that stands and "
-                f"{hands[0]!r}, or what that hand holds ({carried}) and a body that stands"
+                f"{quoted(body)} and {quoted(other)} cannot touch: give a body that stands and "
+                f"{hands[0]!r}, or the body in that hand ({carried}) and one that stands"
             )
         found.append({"body": body, "other": other})
     return found
 
 
 def _hermite(length: FloatArray, points: Sequence[FloatArray]) -> FloatArray:
-    """Derivatives at the start of the polynomials through points that are known so far.
+    """Derivatives at the start of each of n polynomials through n + 1 points (Hermite).
 
     Args:
-        length: how long each piece takes, shape (n, 1), s.
-        points: positions, and velocities, and accelerations, of n + 1 points, shape (n + 1, 7).
+        length: durations of the pieces, shape (n, 1), s.
+        points: positions, then velocities and accelerations where known, each (n + 1, 7).
     """
     order = len(points)
     starts, ends = [x[:-1] for x in points], [x[1:] for x in points]
-    # what the end has beyond the Taylor polynomial of the start, by its derivatives
+    # derivatives at the end, minus those of the start's Taylor polynomial there
     beyond = []
     for k in range(order):
         reached = sum(

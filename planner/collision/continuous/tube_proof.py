@@ -30,9 +30,10 @@ from planner.collision.continuous.proof import (
     is_any_inside,
     worst_at,
 )
-from planner.prover.kernel import SHARES, BoxesFound, Outcome, Trees, rows_kernel
+from planner.prover.kernel import Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube, unproven_cells
 from planner.prover.numpy_search import laid_out
+from planner.prover.problem import SHARES, BoxesFound, Outcome
 
 MIN_CELLS = 4
 """Time is not cut finer than so many cells of a tube to find out when contacts may happen."""

@@ -22,8 +22,8 @@ from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
 from planner.certificate.rows import BY_MIDDLES, CUT_TIME
 from planner.certificate.timeline import StepWitness, Timeline
-from planner.prover.witness import witness_of
 from planner.verification import certificate_of
+from planner.verification.witness import witness_of
 from tests.planner.certificate.conftest import checked_alone
 
 Data = dict[str, Any]

@@ -22,9 +22,10 @@ from planner.certificate.intervals import Interval, Pose
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Advice, Mover, Pair, Step, certified_m
 from planner.plan_file import plan_document
-from planner.prover import kernel, witness
-from planner.prover.kernel import Chain, Kernel, NotShownError, Trees
+from planner.prover import kernel
+from planner.prover.kernel import Kernel, Trees
 from planner.prover.numpy_search import rows_of
+from planner.prover.problem import Chain, NotShownError
 from planner.verification import certificate_of
 
 SHARE = 0.98
@@ -109,8 +110,7 @@ def test_the_checker_certifies_what_the_kernel_says(tracked_plan: Plan, robot: B
 def test_without_a_compiler_numpy_finds_rows_that_certify_as_much(
     tracked_plan: Plan, robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(witness, "rows_kernel", lambda: None)
-    monkeypatch.setattr("planner.verification.prover.rows_kernel", lambda: None)
+    monkeypatch.setattr("planner.verification.witness.rows_kernel", lambda: None)
     document = {**plan_document(tracked_plan), "certificate": certificate_of(tracked_plan)}
     text = robot.description.text
     found = check(document, text, body=Body(text))

@@ -123,7 +123,7 @@ def test_a_preset_of_limits_can_be_said(
     assert "\njudged by 2 .. 8 rad/s^2 and 40 rad/s^3, " in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main([file, "--limits", "safe", "--jerk", "3"])
-    assert "--limits says acceleration and jerk" in capsys.readouterr().err
+    assert "--limits sets acceleration and jerk" in capsys.readouterr().err
 
 
 def test_an_arm_that_lags_can_be_said(

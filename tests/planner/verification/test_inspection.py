@@ -493,7 +493,7 @@ def test_statements_about_another_world_are_not_compared(tracked_plan: Plan) -> 
     T = scene["block"].T_base_body * at(0.0, 0.001, 0.0)
     found = verify(tracked_plan, evolve(tracked_plan.start, scene=scene.moved("block", T)))
     assert found.is_valid, found.verdict
-    assert found["stated proofs beyond what is certified"].where == "nothing is stated"
+    assert found["stated proofs beyond what is certified"].where == "no proofs are stated"
 
 
 def mutated(plan: Plan, number: int, **changes: object) -> Plan:
@@ -597,7 +597,7 @@ def test_wrong_arguments_are_refused(plan: Plan, world: Scene, manipulator: Mani
         ("plan", {}, "plan must be of class Plan"),
         (plan, {"state": State(world, {})}, "no joint head_pan"),
         (plan, {"straight": ["pick: lift"]}, "no move 'pick: lift'"),
-        (plan, {"limits": foreign}, "the limits are those of right_s0"),
+        (plan, {"limits": foreign}, "the limits are of right_s0"),
         (plan, {"response": 0.4}, "response"),
     ]
     for given, arguments, reason in asked:

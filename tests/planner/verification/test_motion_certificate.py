@@ -29,11 +29,9 @@ from planner.certificate.checking import check
 from planner.certificate.errors import NotCertifiedError
 from planner.errors import PlanFileError, TaskError, TrajectoryError
 from planner.plan_file import plan_document
-from planner.prover import witness
-from planner.prover.kernel import SHARES
-from planner.prover.witness import witness_of
+from planner.prover.problem import SHARES
 from planner.verification import MotionCertificate, PolynomialMotion, certify
-from planner.verification.prover import SoughtTimeline, body_of
+from planner.verification.witness import SoughtTimeline, body_of, witness_of
 from tests.conftest import at
 from tests.planner.certificate.conftest import checked_alone
 
@@ -295,7 +293,6 @@ def test_without_a_compiler_a_margin_is_certified(
     quintic: PolynomialMotion, before_wall: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full_m = certify(quintic, "left", before_wall).clearance_m
-    monkeypatch.setattr(witness, "rows_kernel", lambda: None)
     monkeypatch.setattr("planner.verification.motion_certificate.rows_kernel", lambda: None)
     assert 0.005 <= certify(quintic, "left", before_wall).clearance_m <= full_m / 0.98
 

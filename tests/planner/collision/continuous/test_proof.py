@@ -21,7 +21,7 @@ from planner.collision.continuous import proof
 from planner.collision.continuous.proof import prove_clear
 from planner.collision.distances import ACCURACY_M
 from planner.errors import MotionError, SceneError, TrajectoryError
-from planner.prover.kernel import SHARES
+from planner.prover.problem import SHARES
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
