@@ -40,18 +40,18 @@ from planner.prover.problem import (
 )
 
 MAX_LETTERS = 1 << 19
-"""Of one step."""
+"""Maximum number of letters of one step."""
 
 MAX_BOXES = 40_000
-"""Letters of the search over one tube; most take some hundreds."""
+"""Maximum number of letters of one tube; most take some hundreds."""
 
 SINGLE = 1.2e-7
-"""The same as a share of the size of what is placed: points are in single precision here."""
+"""Rounding of points, which are in single precision here, relative to the size of all trees."""
 
 _VERSION = 5
 
 MANY, CELLS = 512, 6 * 4**3
-"""Nodes of so many points have a list of them for so many cells of directions, as in `rows.c`."""
+"""Nodes of `MANY` points or more have lists of them for `CELLS` cells of directions (`rows.c`)."""
 
 
 class _Tree(ctypes.Structure):
@@ -93,7 +93,7 @@ class _Result(ctypes.Structure):
 
 
 class _LaidOut:
-    """The arrays of one tree."""
+    """The arrays of one tree, in the layout of `rows.c`."""
 
     def __init__(self, shape: Shape, lay_out: Any) -> None:
         nodes = shape.size
@@ -127,14 +127,14 @@ _PLACED = np.dtype(
 SOURCES = ("rows.c", "boxes.c")
 
 _FAR_M = 1e8
-"""More than this stands for no distance at all."""
+"""Distances above this stand for none."""
 
 _TRIAL = "import ctypes, sys; sys.exit(ctypes.CDLL(sys.argv[1]).rows_version() != int(sys.argv[2]))"
 
 
 @cache
 def rows_kernel() -> Kernel | None:
-    """The kernel, compiled; None without a C compiler or when anything fails."""
+    """The compiled kernel; None without a C compiler or when compilation fails."""
     return built(_Source())
 
 
@@ -163,10 +163,14 @@ class _Source:
 
 
 class Kernel:
-    """The library, loaded."""
+    """The loaded library."""
 
     def __init__(self, library: str) -> None:
-        """Load it."""
+        """Load a shared library.
+
+        Raises:
+            OSError: when it is no kernel, or of another version.
+        """
         found = ctypes.CDLL(library)
         try:
             self._find, version = found.find_rows, found.rows_version()
@@ -179,7 +183,7 @@ class Kernel:
         self._trees: WeakKeyDictionary[Shape, _LaidOut] = WeakKeyDictionary()
 
     def tree(self, shape: Shape) -> _LaidOut:
-        """A shape as the kernel reads it, laid out once."""
+        """The arrays of a shape, laid out once."""
         known = self._trees.get(shape)
         if known is None:
             known = self._trees[shape] = _LaidOut(shape, self._lay_out)
@@ -195,15 +199,15 @@ class Kernel:
         margin_m: float = 0.0,
         share: float,
     ) -> Found:
-        """Rows that show that pairs of trees keep apart.
+        """Find rows that show that pairs of trees keep apart.
 
         Args:
             chain: the arm that moves.
             trees: all clusters.
             pairs: of type `PAIR`, shape (n,).
-            motion: of its n joints; or where they stand, shape (n,), rad, while some trees slide.
-            margin_m: what counted pairs must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            motion: of its n joints; or their position, shape (n,), rad, while some trees slide.
+            margin_m: clearance of counted pairs, where they need not keep more.
+            share: of the smallest distance found, what is to be proven as well.
         """
         none = np.zeros(1)
         own: tuple[Any, ...] = (none, motion, none, none, none, none)
@@ -258,24 +262,25 @@ class Kernel:
         margin_m: float = 0.0,
         share: float,
     ) -> BoxesFound:
-        """Rows that show that pairs of trees keep apart wherever joints may be.
+        """Find rows that show that pairs of trees keep apart at all positions in a tube.
 
         Args:
             chain: the arm that moves.
             trees: all clusters.
-            pairs: of type `PAIR`, shape (n,), all counted; their windows and needs are not used.
-            tube: where its joints may be.
-            margin_m: what all must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            pairs: of type `PAIR`, shape (n,), all counted; their windows and gaps are not used.
+            tube: bounds on its joints.
+            margin_m: clearance of all pairs.
+            share: of the smallest distance found, what is to be proven as well.
         """
         return self._in_tube(chain, trees, pairs, (tube, 0), (margin_m, share))[0]
 
     def unproven_cells(
         self, chain: Chain, trees: Trees, pairs: np.ndarray[Any, Any], tube: Tube, shortest: int
     ) -> NDArray[np.bool_]:
-        """In which cells of a tube some pair is not shown to be apart, shape (n,).
+        """Whether some pair is not shown to be apart in each cell of a tube, shape (n,).
 
-        Time is cut into spans of so many cells at the shortest. Arguments as for `search_tube`.
+        Time is not cut into spans shorter than `shortest` cells. Other arguments as for
+        `search_tube`.
         """
         found, is_open = self._in_tube(chain, trees, pairs, (tube, shortest), (0.0, 0.0))
         return is_open | (found.outcome != Outcome.PROVEN)
@@ -329,20 +334,23 @@ class Kernel:
     def rows(
         self, chain: Chain, trees: Trees, step: Step, *, margin_m: float = 0.0, share: float
     ) -> Rows:
-        """Rows of one step.
+        """Find the rows of one step.
 
         Args:
             chain: the arm that moves.
             trees: all clusters of the step.
-            step: what must keep apart.
-            margin_m: what counted pairs must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            step: the step and its pairs.
+            margin_m: clearance of counted pairs, where they need not keep more.
+            share: of the smallest distance found, what is to be proven as well.
+
+        Raises:
+            NotShownError: when none are found.
         """
         motion = step.q if step.motion is None else step.motion
         pairs = trees.pairs(step)
         found = self.search(chain, trees, pairs, motion, margin_m=margin_m, share=share)
         if found.outcome == Outcome.TOO_MUCH:
-            raise NotShownError(f"{step.label}: it takes more rows than are checked")
+            raise NotShownError(f"{step.label}: it needs more rows than are checked")
         if found.outcome != Outcome.PROVEN:
             raise NotShownError.of(step, found.stopped)
         letters = found.letters.astype(np.intp)
@@ -361,16 +369,16 @@ def _ends(result: _Result, spare_m: float) -> tuple[float, Near, Near]:
 
 
 class Trees:
-    """Trees of clusters where they are, as the kernel reads them.
+    """Trees of clusters and their poses, in the layout of the kernel.
 
     Attributes:
         array: of all shapes.
-        placed: of the trees.
-        size_m: how far they reach from the frames that carry them.
+        placed: of all trees.
+        size_m: maximum distance of any point from the frame that carries it.
     """
 
     def __init__(self, kernel: Kernel, there: PlacedShapes) -> None:
-        """Lay out shapes that are not known yet."""
+        """Lay out shapes that were not laid out before."""
         shapes, R, p, thicker_m = there
         number = {shape: i for i, shape in enumerate(dict.fromkeys(shapes))}
         self._held = [kernel.tree(shape) for shape in number]
@@ -387,7 +395,7 @@ class Trees:
 
     @classmethod
     def of(cls, kernel: Kernel, clusters: Clusters) -> Trees:
-        """All clusters of a problem; what is added later is not among them."""
+        """All clusters of a problem so far."""
         placed = clusters.placed
         R = np.array([each.R for each in placed]).reshape(-1, 3, 3)
         p = np.array([each.p for each in placed]).reshape(-1, 3)
@@ -403,7 +411,7 @@ class Trees:
         return trees
 
     def pairs(self, step: Step) -> np.ndarray[Any, Any]:
-        """The pairs of a step."""
+        """The pairs of a step, of type `PAIR`."""
         found = np.zeros(len(step.pairs), PAIR)
         found[:] = [
             (

@@ -1,7 +1,8 @@
-"""Rows over boxes of joint angles found in NumPy, where no C compiler is: slower, and less tight.
+"""Rows over boxes of joint angles found by NumPy, without a C compiler: slower and less tight.
 
 Each task is separated by the direction between the nearest points of both clusters in the middle of
-its box, found by the algorithm of Gilbert, Johnson and Keerthi; else a cluster or the box is cut.
+its box, found by the algorithm of Gilbert, Johnson and Keerthi. Otherwise a cluster or the box is
+cut.
 """
 
 from __future__ import annotations
@@ -30,18 +31,19 @@ from planner.prover.numpy_search import MAX_ITERATIONS, least_norm_weights
 from planner.prover.problem import SPARE_M, BoxesFound, Near, Outcome
 
 MAX_BOXES, MAX_BOXES_OF_TRIALS = 20_000, 4_000
-"""Tasks of one tube; and where less may be asked for if they do not do."""
+"""Maximum number of tasks of one tube, and of an attempt at a margin of `MARGINS_M`."""
 
 MARGINS_M = (0.01, 2e-3)
-"""What is asked for, one after the other, as no distance is met; at last what must be kept."""
+"""Margins that are tried first, as no distance is found here; at last the required one."""
 
-OF_LOSS = 0.25
-"""A box is cut where clusters are apart in its middle by so much of what its width costs."""
+MIN_APART_SHARE = 0.25
+"""A box is cut where the distance in its middle exceeds this share of the loss due to its width."""
 
-OF_MOTION = 0.7
-"""Time is halved where motion is so much of the widest joint."""
+MIN_MOTION_SHARE = 0.7
+"""Time is halved where motion is at least this share of the widest joint."""
 
 MIN_WIDTH_RAD = 1e-7
+"""Intervals of a joint below this width are not cut."""
 
 _NONE = Near(-1, np.inf, 0.0)
 _NO_TRACE = BoxTrace(np.zeros(0, np.intp), np.zeros((0, 3)))
@@ -50,7 +52,7 @@ _NO_TRACE = BoxTrace(np.zeros(0, np.intp), np.zeros((0, 3)))
 def search_tube(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], tube: Tube, margin_m: float = 0.0
 ) -> BoxesFound:
-    """As `planner.prover.kernel.Kernel.search_tube` does; the nearest pair is not found."""
+    """Like `planner.prover.kernel.Kernel.search_tube`; the nearest pair is not found."""
     for asked_m in (m for m in MARGINS_M if m > margin_m):
         found = _Search(robot, clusters, pairs, tube, asked_m).run(MAX_BOXES_OF_TRIALS)
         if found.outcome == Outcome.PROVEN:
@@ -61,7 +63,7 @@ def search_tube(
 def unproven_cells(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], tube: Tube, shortest: int
 ) -> NDArray[np.bool_]:
-    """As `planner.prover.kernel.Kernel.unproven_cells` does."""
+    """Like `planner.prover.kernel.Kernel.unproven_cells`."""
     search = _Search(robot, clusters, pairs, tube, 0.0, shortest=shortest)
     is_proven = search.run(MAX_BOXES).outcome == Outcome.PROVEN
     return search.is_open | (not is_proven)
@@ -136,7 +138,9 @@ class _Search:
         )
         loss = apart[at] - gaps[at]
         is_by_box = (first == 0.0) & (second == 0.0)
-        is_by_box |= (apart[at] - need_m > OF_LOSS * loss) | (loss > np.maximum(first, second))
+        is_by_box |= (apart[at] - need_m > MIN_APART_SHARE * loss) | (
+            loss > np.maximum(first, second)
+        )
         chosen = np.where(first >= second, CUT_FIRST, CUT_SECOND)
         chosen[is_by_box] = self._halved(open_)[is_by_box]
         is_marked = is_by_box & (open_.end - open_.start <= self._shortest)
@@ -144,7 +148,7 @@ class _Search:
         return letters
 
     def _halved(self, boxes: Boxes) -> Nodes:
-        """Whether time is cut, or which joint."""
+        """Letters that cut time or the interval of a joint."""
         level, rho = self._level[boxes.pair], self._clusters.reaches_m(boxes.first)
         reach = np.zeros((len(boxes), ARM_JOINTS))
         for joint in range(ARM_JOINTS - 1, -1, -1):
@@ -157,13 +161,13 @@ class _Search:
         widths = boxes.high - boxes.low
         motion = (reach * (widths - still).clip(0.0)).sum(axis=1)
         widest = (reach * widths).max(axis=1, initial=0.0)
-        is_in_time = (motion >= OF_MOTION * widest) | (self._shortest > 0)
+        is_in_time = (motion >= MIN_MOTION_SHARE * widest) | (self._shortest > 0)
         is_in_time &= boxes.end - boxes.start > 1
         found: Nodes = np.where(is_in_time, CUT_TIME, CUT_JOINT + (reach * widths).argmax(axis=1))
         return found
 
     def _directions(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Directions that leave much in the middles of boxes, of length 1, and how much."""
+        """Unit directions with a large gap in the middles of boxes, and these gaps, m."""
         R, p = self._frames(boxes)
         middles = [self._clusters.middles(nodes) for nodes in (boxes.first, boxes.second)]
         v = np.einsum("kij,kj->ki", R, middles[0]) + p - middles[1]
@@ -193,7 +197,7 @@ class _Search:
         return best, apart
 
     def _difference(self, boxes: Boxes, d: Array, R: Array, p: Array) -> Array:
-        """The point of the difference of both clusters that is lowest along directions."""
+        """Points of the difference of both clusters that are lowest along directions."""
         y, slide = np.eye(3)[1], self._slide[boxes.pair]
         own = np.einsum("kij,ki->kj", R, d)
         first = self._clusters.lowest_points(boxes.first, own) + slide[:, :1] * y
@@ -202,7 +206,7 @@ class _Search:
         return found
 
     def _frames(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Poses of the frames of the first clusters seen from the second's, in the middles."""
+        """Poses of the first clusters' frames seen from the second's, in the middles of boxes."""
         q, level = 0.5 * (boxes.low + boxes.high), self._level[boxes.pair]
         R, p = np.tile(np.eye(3), (len(boxes), 1, 1)), np.zeros((len(boxes), 3))
         for joint, span in enumerate(self._robot.spans):

@@ -17,10 +17,10 @@ from planner.certificate.robot import Robot
 from planner.certificate.rows import Step, Trace
 
 SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is asked for; the next where one cannot be shown."""
+"""Shares of the smallest distance found that are to be proven; the next where one cannot be."""
 
 SPARE_M = 1e-7
-"""By how much more than needed a row must conclude, so that the checker's rounding agrees."""
+"""By how much the conclusion of a row must exceed what is needed, for the checker's rounding."""
 
 
 class Chain(NamedTuple):
@@ -38,29 +38,29 @@ class Chain(NamedTuple):
 
     @classmethod
     def of(cls, robot: Robot) -> Chain:
-        """That of the arm that moves."""
+        """The chain of a robot's arm that moves."""
         R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
         return cls(np.array(R), np.array(p), robot.offsets)
 
     @property
     def spans(self) -> Sequence[Pose]:
-        """The same poses, as the checker's code takes them."""
+        """The same poses, in the form of the checker's code."""
         return [Pose(Interval(R), Interval(p)) for R, p in zip(self.R, self.p, strict=True)]
 
     @classmethod
     def of_poses(cls, T: Array) -> Chain:
-        """By the pose of each joint at position 0 seen from the one before, shape (n, 4, 4)."""
+        """From the pose of each joint at position 0 seen from the one before, (n, 4, 4)."""
         R, p = T[:, :3, :3], T[:, :3, 3]
         return cls(R, p, np.linalg.norm(p, axis=1))
 
 
 class PlacedShapes(NamedTuple):
-    """Shapes where they are.
+    """Shapes and their poses.
 
     Attributes:
-        shapes: n of them.
+        shapes: n shapes.
         R, p: their poses in the frames that carry them, shapes (n, 3, 3) and (n, 3).
-        thicker_m: by how much they count as thicker all around, shape (n,), m.
+        thicker_m: by how much each is widened, shape (n,), m.
     """
 
     shapes: Sequence[Shape]
@@ -80,7 +80,7 @@ PAIR = np.dtype(
 
 
 class Outcome(IntEnum):
-    """How a search ends, as `rows.c` numbers it."""
+    """Outcome of a search, numbered as in `rows.c`."""
 
     PROVEN = 0
     TOO_NEAR = 1
@@ -89,12 +89,12 @@ class Outcome(IntEnum):
 
 
 class Near(NamedTuple):
-    """How near a pair comes.
+    """The distance of a pair at an instant.
 
     Attributes:
         pair: its number; -1 for none.
-        distance_m: infinite for none.
-        time_s: when.
+        distance_m: the distance; infinite for none.
+        time_s: the instant.
     """
 
     pair: int
@@ -103,15 +103,15 @@ class Near(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a search found.
+    """The result of a search.
 
     Attributes:
         outcome: how it ended.
-        proven_m: what counted pairs keep at every instant where it is `PROVEN`, inf where none
+        proven_m: if `PROVEN`, the clearance of counted pairs at every instant; inf where none
             counts.
-        nearest: the nearest that a counted pair was found.
+        nearest: the smallest distance of a counted pair that was found.
         stopped: the pair that is too near, or is not shown to be apart.
-        letters, directions, fine: as `planner.certificate.rows.Trace` has them.
+        letters, directions, fine: as in `planner.certificate.rows.Trace`.
     """
 
     outcome: Outcome
@@ -124,16 +124,17 @@ class Found(NamedTuple):
 
 
 class BoxesFound(NamedTuple):
-    """What a search over a tube found.
+    """The result of a search over a tube.
 
     Attributes:
         outcome: how it ended.
-        proven_m: what all pairs keep wherever the joints may be where it is `PROVEN`; inf where
-            there are none.
-        nearest: the nearest that a pair was found where the joints may be, and at which instant.
+        proven_m: if `PROVEN`, the clearance of all pairs at all positions that the joints may have;
+            inf where there are no pairs.
+        nearest: the smallest distance of a pair that was found; its time is the number of an
+            instant.
         stopped: the pair that is too near, or is not shown to be apart, likewise.
-        q: where the joints were when the nearest was met, shape (7,), rad.
-        trace: letters and directions, as `planner.certificate.boxes` reads them.
+        q: position of the joints at `nearest`, shape (7,), rad.
+        trace: letters and directions for `planner.certificate.boxes`.
     """
 
     outcome: Outcome
@@ -146,12 +147,12 @@ class BoxesFound(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What leads the checker through one step.
+    """The rows of one step.
 
     Attributes:
         trace: letters of all levels, and directions.
-        proven_m: what counted pairs keep at every instant, as the checker will find too; inf where
-            none counts.
+        proven_m: clearance of counted pairs at every instant, at most what the checker concludes;
+            inf where none counts.
     """
 
     trace: Trace
@@ -159,10 +160,11 @@ class Rows:
 
 
 class NotShownError(NotCertifiedError):
-    """Rows do not show that all pairs keep what they must.
+    """No rows were found that keep all pairs apart.
 
     Attributes:
-        near: the pair, by its number in the step; None where there are too many rows.
+        near: the pair that comes too near, by its number in the step; None where too many rows are
+            needed.
         step: the step; None likewise.
     """
 
