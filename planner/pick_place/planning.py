@@ -72,9 +72,9 @@ def plan_pick_and_place(
         line_tolerance: maximum deviation of the tip from its straight lines, by which `verify`
             judges the plan: 0.1 mm and 0.02 deg by default.
         response: how a real arm follows its set-points. The plan is the same as for any other arm,
-            but is to be sent at the greatest speed, up to the response's, at which every path that
-            the joints may take is proven to keep the margin (`prove_tracking`); `Plan.response`
-            states it. The whole plan is sent at one speed.
+            but it states the greatest speed, up to the response's, at which every path that the
+            joints may take is proven to keep the margin (`prove_tracking`, `Plan.response`). The
+            whole plan is sent at one speed.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
@@ -86,7 +86,7 @@ def plan_pick_and_place(
 
     Raises:
         SceneError: when the body is not in the scene.
-        TaskError: when it cannot be moved.
+        TaskError: when the body cannot be moved, or an argument is of another class.
         ConfigurationError: when `q_start` is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
             `LineTolerance`.
@@ -252,16 +252,8 @@ def _requested(
 ) -> PlanRequest:
     """Check the arguments that all planning functions share.
 
-    Args:
-        manipulator: as given; with a state, its `q_others` is replaced.
-        scene: as given; None with a state.
-        q: likewise, the configuration of the arm.
-        held: likewise.
-        state: robot and bodies, in place of these.
-        margin_m: as given.
-        line_tolerance: as given.
-        q_name: name of `q` in messages.
-        clip_start: as given.
+    A state stands for scene, configuration `q` and held bodies, and for the manipulator's
+    `q_others`. `q_name` is the name of `q` in messages.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
     if state is not None:

@@ -69,7 +69,7 @@ def test_sines_and_cosines_contain_the_exact_value_and_are_tight(angle: float) -
         assert float(enclosed.high - enclosed.low) < WIDEST
 
 
-def test_greater_angles_are_refused() -> None:
+def test_larger_angles_are_refused() -> None:
     for angle in (4.1, -5.0, np.nan):
         with pytest.raises(ValueError, match="beyond 4 rad"):
             cos_sin(Interval(angle))
@@ -92,7 +92,7 @@ def test_a_pose_times_its_inverse_contains_the_identity() -> None:
     assert (still.p.high >= 0.0).all()
 
 
-def test_many_rotations_are_those_one_by_one() -> None:
+def test_rotations_of_an_array_equal_single_ones() -> None:
     angles = np.linspace(-3.0, 3.0, 7)
     many = rotation(2, Interval(angles))
     for i, angle in enumerate(angles):

@@ -451,7 +451,7 @@ class TestStartMove:
         plan = plan_start_move(manipulator, scene, arm.start, below.q)
         assert plan.failure is not None
         assert plan.failure.stage == "move to start"
-        assert "the arm is blocked where it shall go" in plan.failure.reason
+        assert "the arm is blocked at its goal" in plan.failure.reason
         assert "inside table" in plan.failure.reason
 
     def test_without_angles_every_joint_goes_to_zero(
