@@ -22,6 +22,7 @@ than `MAX_FILE_BYTES` and plans that exceed `MAX_COUNTS`. A file is replaced ato
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -109,7 +110,7 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
     check_size(expect(plan, Plan, "plan", PlanFileError), plan.start, PlanFileError)
     document = plan_document(plan)
     if certificate is not None:
-        document[_CERTIFICATE] = dict(certificate)
+        document[_CERTIFICATE] = _json_of(certificate)
     content = as_lines(document).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
     if len(content) > MAX_FILE_BYTES:
@@ -121,6 +122,15 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
         replace_file(path, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
     except FileError as cause:
         raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
+
+
+def _json_of(certificate: Mapping[str, Json]) -> Json:
+    expect(certificate, Mapping, "certificate", PlanFileError)  # type: ignore[type-abstract]
+    try:
+        data: Json = json.loads(json.dumps(dict(certificate), allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as cause:
+        raise PlanFileError(f"certificate must be JSON data, by certificate_of: {cause}") from cause
+    return data
 
 
 def plan_document(plan: Plan) -> dict[str, Json]:

@@ -256,19 +256,19 @@ def _requested(
     `q_others`. `q_name` is the name of `q` in messages.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
+    attachments = expect_all(held, Attachment, "what the hands hold", TaskError)
     if state is not None:
         expect(state, State, "state", TaskError)
-        if scene is not None or q is not None or held:
+        if scene is not None or q is not None or attachments:
             raise TaskError("give state= alone, or the scene, the arm's position and `held`")
         others = manipulator.robot.configuration(dict(state.joints))
         manipulator = evolve(manipulator, q_others=others)
         scene, q = state.scene, state.q(manipulator.arm.joint_names)
-        held = state.attachments
+        attachments = state.attachments
     elif scene is None and q is None:
         raise TaskError("give the scene and the arm's position, or state=")
     bodies = expect(scene, Scene, "scene", SceneError)
     expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
-    attachments = expect_all(held, Attachment, "what the hands hold", TaskError)
     arm = manipulator.arm
     for holding in attachments:
         if holding.side == arm.side:

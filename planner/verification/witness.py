@@ -30,7 +30,7 @@ from planner.certificate.timeline import (
     Timeline,
     distance_m,
 )
-from planner.certificate.touching import DistanceBounds
+from planner.certificate.timeline.touching import DistanceBounds
 from planner.errors import TaskError
 from planner.plan import Plan
 from planner.plan_file import check_size, plan_document

@@ -437,6 +437,12 @@ def test_a_failed_write_keeps_the_old_file(
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.parametrize("certificate", [[1], np.zeros((3, 3)), {"a": {1}}, {"a": float("nan")}])
+def test_a_certificate_is_json_data(plan: Plan, file: Path, certificate: Any) -> None:
+    with pytest.raises(PlanFileError, match="certificate must be"):
+        save_plan(plan, file, certificate=certificate)
+
+
 def test_only_plans_are_saved(file: Path) -> None:
     with pytest.raises(PlanFileError, match="plan must be of class Plan, got dict"):
         save_plan({}, file)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from planner.certificate.errors import require
 from planner.certificate.intervals import Array, Interval, Pose
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.rows import Mover
-from planner.certificate.touching import DistanceBounds
+from planner.certificate.timeline.touching import DistanceBounds
 
 PRESS_M = 5e-4
 """Maximum depth of an intended contact, and maximum deviation of a stated pose from the derived

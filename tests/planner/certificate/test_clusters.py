@@ -16,7 +16,7 @@ from planner.certificate.body import Body
 from planner.certificate.clusters import LEAF, Clusters, Shape, stated_pose, tree_of
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Interval, Pose
-from planner.certificate.touching import DistanceBounds
+from planner.certificate.timeline.touching import DistanceBounds
 from planner.scene.contact import coal_pose, coal_shape
 
 ROUNDING_M = 1e-12

@@ -391,6 +391,7 @@ WRONG_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"line_tolerance": 1e-3}, MotionError, "line_tolerance"),
     ({"line_tolerance": (1e-3, 1e-3)}, MotionError, "line_tolerance"),
     ({"held": ["block"]}, TaskError, "what the hands hold"),
+    ({"held": np.zeros(2)}, TaskError, "what the hands hold"),
     ({"held": [HELD]}, TaskError, "the left hand holds 'block'"),
     ({"margin_m": -0.001}, MotionError, r"margin is not negative, got -0\.001 m"),
 ]
