@@ -5,13 +5,14 @@ BaxterError
 └── PlannerError
     ├── SceneError          an invalid body, shape or name               (also ValueError)
     ├── TrajectoryError     an invalid motion or sample time             (also ValueError)
-    ├── MotionError         states that no motion under the limits joins (also ValueError)
+    ├── MotionError         no motion under the limits joins two states  (also ValueError)
     │   ├── StraightMoveError   a line that the arm cannot follow to its end
     │   └── FreeMoveError       an end that collides, or no path around the obstacles
-    ├── ResponseError       an impossible response, or data that determine none (also ValueError)
+    ├── ResponseError       an impossible response, or insufficient data (also ValueError)
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
     ├── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
-    └── BodyFileError       the robot's body: data missing or of another version (also ValueError)
+    ├── BodyFileError       the robot's body: data missing or of another version (also ValueError)
+    └── AtlasError          an invalid map: its grid, its files, or a query (also ValueError)
 ```
 
 A task without a solution is a `Plan` that carries its reason, not an exception.
@@ -53,11 +54,11 @@ class StraightMoveError(MotionError):
 
 
 class FreeMoveError(MotionError):
-    """An end that collides, or no path around the obstacles; one sentence says which."""
+    """An end that collides, or no path around the obstacles; the message says which."""
 
 
 class ResponseError(PlannerError, ValueError):
-    """An impossible response to set-points, or measurements that determine none."""
+    """An impossible response to set-points, or measurements that do not determine it."""
 
 
 class TaskError(PlannerError, ValueError):

@@ -320,7 +320,7 @@ class Plan:
 
     def _limb_of_moves(self) -> str:
         if not self.moves:
-            raise TaskError("a plan without moves must say its limb: limb='left' or 'right'")
+            raise TaskError("a plan without moves must state its limb: limb='left' or 'right'")
         return self.moves[0].limb
 
     def _states_follow(self) -> bool:
@@ -338,13 +338,15 @@ class Plan:
         for step in self.steps:
             if not isinstance(step, Move):
                 if step.limb != self.limb:
-                    raise TaskError(f"{step.label} is of the {step.limb} gripper, the plan is not")
+                    raise TaskError(
+                        f"{step.label} is of the {step.limb} gripper, not of the {self.limb} one"
+                    )
                 continue
             start = finite_array(step.trajectory.q_start, (7,), step.label, ConfigurationError)
             jump = float(np.abs(start - q).max())
             if jump > CONTINUITY_TOLERANCE:
                 raise TaskError(
-                    f"{step.label} starts {jump:.3g} rad from where the arm stands then"
+                    f"{step.label} starts {jump:.3g} rad from the end of the previous motion"
                 )
             q = step.trajectory.q_goal
 

@@ -22,6 +22,7 @@ than `MAX_FILE_BYTES` and plans that exceed `MAX_COUNTS`. A file is replaced ato
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -35,6 +36,7 @@ from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
+from baxter_kin.validation import expect
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
 from planner.scene.bodies import Attachment
@@ -105,9 +107,10 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
         PlanFileError: when it cannot be written, or the plan contains something that a plan file
             cannot represent.
     """
+    check_size(expect(plan, Plan, "plan", PlanFileError), plan.start, PlanFileError)
     document = plan_document(plan)
     if certificate is not None:
-        document[_CERTIFICATE] = dict(certificate)
+        document[_CERTIFICATE] = _json_of(certificate)
     content = as_lines(document).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
     if len(content) > MAX_FILE_BYTES:
@@ -121,11 +124,17 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
         raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
 
 
+def _json_of(certificate: Mapping[str, Json]) -> Json:
+    expect(certificate, Mapping, "certificate", PlanFileError)  # type: ignore[type-abstract]
+    try:
+        data: Json = json.loads(json.dumps(dict(certificate), allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as cause:
+        raise PlanFileError(f"certificate must be JSON data, by certificate_of: {cause}") from cause
+    return data
+
+
 def plan_document(plan: Plan) -> dict[str, Json]:
     """The content of a plan file, without its checksum."""
-    if not isinstance(plan, Plan):
-        raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
-    check_size(plan, plan.start, PlanFileError)
     states = [step.state for step in plan if step.state is not None]
     changes = tuple(map(_Change.between, (plan.start, *states), states))
     bare = evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
@@ -138,6 +147,9 @@ def plan_document(plan: Plan) -> dict[str, Json]:
 def load_plan(path: PathLike) -> Plan:
     """Read a plan from a file.
 
+    A certificate in the file is not read: it is for `planner.certificate`, which needs nothing but
+    the file, and `verify` finds its own.
+
     Raises:
         PlanFileError: when the file cannot be read, is damaged or edited, or contains no plan; says
             which, and what to do.
@@ -149,7 +161,7 @@ def load_plan(path: PathLike) -> Plan:
 
 
 def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
-    """Raise an error when a plan, or the scene of a state, exceeds `MAX_COUNTS`."""
+    """Raise `error` when a plan, or the scene of a state, exceeds `MAX_COUNTS`."""
     bodies = list(state.scene)
     parts = [part for body in bodies for part in body.parts]
     counts = {

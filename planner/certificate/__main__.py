@@ -1,10 +1,10 @@
 """Check the certificate in a file: `python -m planner.certificate FILE --urdf FILE`.
 
-The file is of a plan (`planner.save_plan`) or of a motion (`MotionCertificate.save`).
+The file holds a plan (`planner.save_plan`) or a motion (`MotionCertificate.save`).
 
 Exit status: 0 certified, 1 not certified, 2 wrong usage or a file that cannot be read. Needs NumPy
-and nothing else. The URDF of a real robot is its parameter `/robot_description`; that of the stock
-robot is printed by `python -m baxter_kin.description`.
+and nothing else. The URDF of a real robot is its parameter `/robot_description`; `python -m
+baxter_kin.description` prints that of the stock robot.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The robot's body: which links consist of which trees of clusters.
+"""The robot's body: the trees of clusters of each link.
 
-`body.npz` has the trees of Rethink's meshes, built by `scripts/build_body_clusters.py`, and which
-stock link has which. A link for which the robot's own URDF shows shapes has those: meshes that the
-file knows, boxes, cylinders and spheres.
+`body.npz` holds the trees of Rethink's meshes, built by `scripts/build_body_clusters.py`, and
+assigns them to the stock links. A link with shapes in the robot's own URDF has those instead:
+meshes of the file, boxes, cylinders and spheres.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from planner.certificate.intervals import Interval, Pose
 STOCK_FILE = Path(__file__).with_name("body.npz")
 
 NOT_SOLID = ("collision_head_link_", "_upper_forearm_visual", "_upper_elbow_visual")
-"""In names of links that are no parts of the robot: spheres that MoveIt's configuration added
-beside the head, and cylinders that nothing shows."""
+"""In names of links that are not parts of the robot: spheres that MoveIt's configuration added
+beside the head, and cylinders that are not visible."""
 
 MESH_BALL_M = 2e-8
-"""Every cluster of a mesh is widened by this: the file has its points in single precision, within
+"""By how much every cluster of a mesh is widened: the file has points in single precision, within
 4e-9 m of the numbers in Rethink's files on every axis."""
 
 MAX_FILE_BYTES = 64 * 2**20
@@ -39,7 +39,7 @@ MAX_FILE_BYTES = 64 * 2**20
 
 @dataclass(frozen=True, eq=False)
 class LinkShape:
-    """A shape of a link, and where it is on it."""
+    """A shape of a link, and its pose there."""
 
     link: str
     shape: Shape
@@ -56,10 +56,10 @@ class Body:
     """
 
     def __init__(self, urdf: str, file: Path = STOCK_FILE) -> None:
-        """Read the clusters, and what the URDF says of its links.
+        """Read the clusters, and the shapes of the URDF's links.
 
         Raises:
-            NotCertifiedError: when the file is damaged, or a shape of the URDF is not known.
+            NotCertifiedError: when the file is damaged, or the URDF has an unknown shape.
         """
         self.digest, self._meshes, stock = _stored() if file == STOCK_FILE else _read(file)
         own = {link: list(found) for link, found in self._shown(urdf)}
@@ -74,7 +74,7 @@ class Body:
         return self._meshes[name]
 
     def _shown(self, urdf: str) -> Iterator[tuple[str, Iterator[LinkShape]]]:
-        """Every link of a URDF, and the shapes that it shows."""
+        """Every link of a URDF, with its shapes."""
         try:
             links = list(ET.fromstring(urdf).iter("link"))
         except ET.ParseError as cause:
@@ -105,7 +105,7 @@ class Body:
             shape = self._of_kind(geometry.tag, geometry.get("filename", ""), sizes)
             return LinkShape(link, shape, Pose.of_urdf(*place))
         except (ValueError, IndexError, KeyError) as cause:
-            raise NotCertifiedError(f"the URDF shows {link} in a way not known: {cause}") from cause
+            raise NotCertifiedError(f"the URDF has an unknown shape of {link}: {cause}") from cause
 
     def _of_kind(self, kind: str, filename: str, sizes: dict[str, list[float]]) -> Shape:
         if kind == "mesh":
@@ -134,12 +134,12 @@ _Clusters = tuple[str, dict[str, Shape], list[LinkShape]]
 
 @cache
 def _stored() -> _Clusters:
-    """The file that comes with the package, read once."""
+    """The content of the package's own file, read once."""
     return _read(STOCK_FILE)
 
 
 def _read(file: Path) -> _Clusters:
-    """The digest of a file, the trees of its meshes, and the shapes of stock links."""
+    """Digest of a file, trees of its meshes by name, and shapes of the stock links."""
     content = file.read_bytes()
     require(len(content) <= MAX_FILE_BYTES, f"{file.name} is too large")
     try:
@@ -153,10 +153,10 @@ def _read(file: Path) -> _Clusters:
 
 
 def _trees(arrays: dict[str, Any]) -> dict[str, Shape]:
-    """The shapes of all meshes, by the names of their files."""
+    """The trees of all meshes, by file name without suffix."""
     meshes, nodes = arrays["meshes"].tolist(), arrays["nodes"]
     counts, children = arrays["counts"], arrays["children"]
-    columns = np.ascontiguousarray(arrays["points"].T)  # as the prover's kernel reads them, too
+    columns = np.ascontiguousarray(arrays["points"].T)  # the layout that the prover's kernel needs
     found, node, point = {}, 0, 0
     for mesh, size in zip(meshes, nodes.tolist(), strict=True):
         own, kids = counts[node : node + size], children[node : node + size]

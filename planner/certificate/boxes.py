@@ -1,15 +1,15 @@
-"""Rows over boxes of joint angles: clusters keep apart wherever the joints of a lagging arm may be.
+"""Rows over boxes of joint angles: clusters keep apart at all angles that a lagging arm may have.
 
 A row is a box of joint angles, two clusters and a direction n, fixed in the frame that carries the
-second. For a pair of points the gap n . (a - b) is c + A cos q + B sin q as a function of any one
-joint q, with an amplitude of at most |n| rho, where rho is how far a may be from that joint. On an
-interval of width w it is at least the lesser of its ends less |n| rho w^2 / 8, by the lemma of
-`motion`. Joint after joint, the gap anywhere in a box is at least the least of its corners less
-|n| times the sum of rho_i w_i^2 / 8. Only the joints between both frames count, so there are at
-most 2^7 corners. As in `rows`, any direction is sound.
+second. For a pair of points, the gap n . (a - b) is c + A cos q + B sin q as a function of any one
+joint q, with an amplitude of at most |n| rho, where rho bounds the distance of a from that joint.
+By the lemma of `motion`, on an interval of width w it is at least the smaller of its end values
+minus |n| rho w^2 / 8. Applied to one joint after another: the gap anywhere in a box is at least the
+smallest value at its corners minus |n| times the sum of rho_i w_i^2 / 8. Only the joints between
+both frames count, so there are at most 2^7 corners. As in `rows`, any direction is sound.
 
-A tube says between which angles each joint is at some instants. Letters lead through the pairs and
-the tube, level by level: each open task (a pair of clusters and a box) is separated, or replaced by
+A tube bounds the angles of each joint at some instants. Letters lead through the pairs and the
+tube, level by level: each open task (a pair of clusters and a box) is separated, or replaced by
 both halves of a cluster, of the span of time, or of the interval of one joint.
 """
 
@@ -31,27 +31,27 @@ SEPARATED, CUT_FIRST, CUT_SECOND, CUT_TIME, CUT_JOINT = range(5)
 """Letters; `CUT_JOINT` plus the number of a joint, from 0, halves its interval."""
 
 ROUNDING_M = 1e-9
-"""Subtracted from every gap, times |n|_1: directions are turned by seven joints in doubles, sums of
-a few products of numbers of order one, each wrong by less than 1e-14."""
+"""Subtracted from every gap, times |n|_1: directions are rotated by seven joints in doubles. These
+are sums of products of numbers of order one, each with an error below 1e-14."""
 
 CHUNK = 64
-"""Rows whose corners are computed at once; clusters have up to some thousand points."""
+"""Number of rows whose corners are computed at once; clusters have up to some thousand points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """Between which angles joints are: at instants, and in between within what both sides allow.
+    """Bounds on joint angles at instants; between two instants, the hull of their bounds.
 
     Attributes:
-        low: at n + 1 instants, shape (n + 1, 7), rad.
-        high: likewise.
+        low: lower bounds at n + 1 instants, shape (n + 1, 7), rad.
+        high: upper bounds, likewise.
     """
 
     low: Array
     high: Array
 
     def hull(self, first: int, last: int) -> tuple[Array, Array]:
-        """All that is possible between two instants by their numbers, two of shape (7,)."""
+        """Bounds between two instants, given by their numbers; two arrays of shape (7,), rad."""
         some = slice(first, last + 1)
         return self.low[some].min(axis=0), self.high[some].max(axis=0)
 
@@ -89,12 +89,12 @@ class Boxes:
         return cls(np.arange(count), first, second, start, np.full(count, last), low, high)
 
     def only(self, rows: Any) -> Boxes:
-        """Some of them."""
+        """The tasks of some rows."""
         return Boxes(*(getattr(self, column)[rows] for column in self.__dataclass_fields__))
 
     @classmethod
     def joined(cls, parts: Sequence[Boxes]) -> Boxes:
-        """All of several; at least one."""
+        """The tasks of several, at least one."""
         columns = cls.__dataclass_fields__
         return cls(*(np.concatenate([getattr(part, c) for part in parts]) for c in columns))
 
@@ -102,10 +102,10 @@ class Boxes:
         return len(self.pair)
 
     def halves(self, letters: Nodes, clusters: Clusters, tube: Tube) -> Boxes:
-        """Both halves of each, as its letter says; those in which nothing is possible left out.
+        """Both halves of each task, cut as its letter says; empty boxes are left out.
 
         Raises:
-            NotCertifiedError: when a leaf is cut, or a box that cannot be.
+            NotCertifiedError: when a leaf is cut, or a box that cannot be cut.
         """
         count = np.arange(len(self))
         twice, side = np.repeat(count, 2), np.tile([0, 1], len(self))
@@ -139,7 +139,7 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class BoxTrace:
-    """What leads through the boxes of a tube.
+    """Letters and directions that lead through the boxes of a tube.
 
     Attributes:
         letters: in order, shape (n,).
@@ -153,7 +153,7 @@ class BoxTrace:
 def box_rows(
     clusters: Clusters, pairs: Sequence[Pair], tube: Tube, trace: BoxTrace
 ) -> tuple[Boxes, Array]:
-    """The rows that a trace asks for, and their directions; no geometry is looked at.
+    """The rows that a trace asks for, and their directions; no geometry is computed.
 
     Raises:
         NotCertifiedError: when the trace is malformed.
@@ -177,14 +177,14 @@ def box_rows(
 def box_gaps_m(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], boxes: Boxes, n: Array
 ) -> Array:
-    """What rows conclude: lower bounds on the distance anywhere in each box, shape (k,), m.
+    """The conclusions of rows: lower bounds on the distance in each box, shape (k,), m.
 
     Args:
         robot: the arm that moves.
         clusters: all trees.
-        pairs: whose numbers the rows have; the first of each on the later joint.
+        pairs: the pairs that the rows refer to; the first mover of each is on the later joint.
         boxes: the rows.
-        n: a direction for each, shape (k, 3), of any length but zero.
+        n: a direction for each, shape (k, 3), of any non-zero length.
     """
     length = norm_bound(n)
     require((length > 1e-6) & np.isfinite(length), "a direction is zero or not finite")
@@ -192,7 +192,7 @@ def box_gaps_m(
     level = level.reshape(-1, 2)
     slides = np.array([[pair.first.slide_m, pair.second.slide_m] for pair in pairs])
     slides = slides.reshape(-1, 2, 2)
-    require(slides[..., 0] == slides[..., 1], "what slides while joints move")
+    require(slides[..., 0] == slides[..., 1], "a mover slides while joints move")
     slide = slides[..., 0]
     require(level[:, 0] <= level[:, 1], "a pair in the wrong order")
     gaps = np.empty(len(boxes))
@@ -216,7 +216,7 @@ def box_gaps_m(
 
 
 def _at_corners(robot: Joints, boxes: Boxes, n: Array, m: int, k: int) -> tuple[Array, Array]:
-    """Directions seen from joint k at all corners, (rows, 2^(k - m), 3), and n . its origin."""
+    """Directions seen from joint k at all corners, (rows, 2^(k - m), 3), and n . (its origin)."""
     d, offsets = n[:, None], np.zeros((len(n), 1))
     for joint in range(m, k):
         span = robot.spans[joint]

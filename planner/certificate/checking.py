@@ -1,26 +1,26 @@
-"""Certificates in files of plans and of motions, and what is concluded from one.
+"""Certificates in files of plans and of motions, and the check of one.
 
 A plan file of version 4 may have an entry `certificate`:
 
 - `version`: 1; the order of pairs and of letters is part of the format,
 - `body`: SHA-256 of the file of clusters that it was made with,
-- `steps`: for each step of the plan `margin_m`; of a hand that closes on a body `closing`, how far
-  it is open when the first finger touches and at the end, and how far the body is pushed; and
-  `contacts`, from when to when a held body may touch which other body,
-- `letters`, `directions` and `fine`: of all rows, level by level and step by step, bytes (of
-  directions three signed ones each, of fine ones three signed numbers of two bytes, the lower
-  first), compressed by zlib, in base64.
+- `steps`: for each step of the plan `margin_m`; for a hand that closes on a body `closing`: its
+  opening when the first finger touches and at the end, and how far the body is pushed; and
+  `contacts`: from when to when a held body may touch which other body,
+- `letters`, `directions` and `fine`: of all rows, level by level and step by step. Bytes (three
+  signed bytes for each direction; three signed numbers of two bytes, the lower first, for each fine
+  one), compressed by zlib, in base64.
 
 A motion that something else planned or recorded has a file of its own, `"format": "baxter-kin
 motion"`. In it, `plan` has `limb`, `start` and `failure` as in a plan file, and one step of type
 "Motion":
 
-- `label`: what messages call it,
-- `trajectory`: `knots_s`, n + 1 increasing times from 0 on, and `derivatives`, for each of the n
+- `label`: its name in messages,
+- `trajectory`: `knots_s`, n + 1 increasing times from 0, and `derivatives`: for each of the n
   pieces position, velocity and so on of the seven joints at its start, up to the fifth derivative,
-- `is_timed`: whether these times are those of the motion, so that its velocities are judged,
-- `a_max`, `j_max`: greatest accelerations and jerks, seven numbers, or null where not judged,
-- `contacts`: which bodies (`body`) the hand may touch ("left hand" as `other`), or a held body may.
+- `is_timed`: whether these are the motion's real times, so that its velocities are judged,
+- `a_max`, `j_max`: maximum accelerations and jerks, seven numbers, or null where not judged,
+- `contacts`: the bodies (`body`) that the hand ("left hand" as `other`) or a held body may touch.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ MAX_LETTERS = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """The content of a certificate: what leads the checker; nothing of it is trusted.
+    """The content of a certificate, which leads the checker; nothing of it is trusted.
 
     Attributes:
         body: SHA-256 of the file of clusters.
         steps: one for each step of the plan.
-        trace: of all rows.
+        trace: letters and directions of all rows.
     """
 
     body: str
@@ -68,7 +68,7 @@ class Witness:
         """Read the entry of a plan file.
 
         Raises:
-            NotCertifiedError: when it is malformed.
+            NotCertifiedError: when the entry is malformed.
         """
         try:
             require(data["version"] == VERSION, "the certificate has another version")
@@ -104,18 +104,18 @@ class Witness:
 
 @dataclass(frozen=True)
 class Certified:
-    """What was certified.
+    """The result of a successful check.
 
     Attributes:
-        clearances_m: by step, in order: what everything keeps at every instant, m; inf where
-            nothing counts. The first is of what stands still.
-        numbers: which step of the plan each of these belongs to, None for what stands still.
-        rows: how many rows were checked.
-        bare: links of the robot without a shape, which nothing keeps apart from.
-        worst: upper bounds on what else is bounded, by name, m and rad, each with where: "distance
-            from line", "turn from line", "held bodies off their hands", "gap of closed pads",
-            "slide in contact" and "drop at release"; only those that the plan has.
-        assumed: what was taken from the caller of a motion, in phrases.
+        clearances_m: certified clearance at every instant by step, in order, m; inf where no pair
+            counts. The first is of everything that stands still.
+        numbers: the step of the plan that each of these belongs to, None for what stands still.
+        rows: number of rows that were checked.
+        bare: links of the robot without a shape, for which no clearance is certified.
+        worst: upper bounds on other quantities by name, m and rad, each with where it occurs:
+            "distance from line", "turn from line", "held bodies off their hands", "gap of closed
+            pads", "slide in contact" and "drop at release"; only those that the plan has.
+        assumed: assumptions of the caller of a motion, as phrases.
         not_judged: quantities of a motion whose limits were not judged.
     """
 
@@ -129,17 +129,17 @@ class Certified:
 
     @property
     def clearance_m(self) -> float:
-        """The least of all steps."""
+        """The smallest clearance of all steps, m."""
         return min((clear for _, clear in self.clearances_m), default=np.inf)
 
 
 def read_plan(content: bytes) -> Mapping[str, Any]:
     """The document of a file of a plan or a motion.
 
-    The checksum of a plan file is not compared, as nothing rests on it.
+    The checksum of a plan file is not compared, as nothing depends on it.
 
     Raises:
-        NotCertifiedError: when it is neither.
+        NotCertifiedError: when the file contains neither.
     """
     require(len(content) <= MAX_PLAN_BYTES, f"more than {MAX_PLAN_BYTES >> 20} MB is no plan")
     try:
@@ -166,17 +166,17 @@ def check(
     limits: Limits | None = None,
     certificate: Witness | None = None,
 ) -> Certified:
-    """Certify a plan, or say why not.
+    """Certify a plan or a motion.
 
     Args:
-        document: what a file of a plan or a motion holds.
+        document: content of its file.
         urdf: text of the robot's URDF.
-        body: its body; the stock one when not given.
-        limits: what accelerations and jerks are judged by; the presets when not given.
-        certificate: that of the file when not given.
+        body: the robot's body; that of the URDF with the package's clusters when not given.
+        limits: maximum accelerations and jerks of plans; the presets when not given.
+        certificate: the certificate; that of the file when not given.
 
     Raises:
-        NotCertifiedError: when the plan is not certified; says why.
+        NotCertifiedError: when it is not certified; gives the reason.
     """
     if certificate is None:
         require("certificate" in document, "the file has no certificate")
@@ -206,7 +206,7 @@ def check(
 
 
 def _require_steps(is_motion: bool, steps: Sequence[Mapping[str, Any]]) -> None:
-    """A plan has no motions with assumed contacts, and the file of a motion has that alone."""
+    """A plan has no steps with assumed contacts; the file of a motion has one such step alone."""
     kinds = [step["type"] for step in steps]
     require(not is_motion or kinds == [MOTION], "this is no file of one motion")
     require(is_motion or MOTION not in kinds, f"a plan has no step of type {MOTION}")

@@ -1,8 +1,8 @@
-"""Trees of convex clusters: what links and bodies consist of, and how far they reach.
+"""Trees of convex clusters, which represent links and bodies.
 
-A node of a tree stands for the convex hull of its points, widened by a ball, or by a disc across
-the z axis of its shape: so spheres and cylinders are exact. It contains all that its two children
-contain. A support, the least n . x over a node, is computed in doubles; `Clusters.rounding_m`
+A node of a tree stands for the convex hull of its points, widened by a ball, or by a disc
+perpendicular to the z axis of its shape; so spheres and cylinders are exact. It contains its two
+children. A support, the smallest n . x over a node, is computed in doubles; `Clusters.rounding_m`
 bounds its error.
 """
 
@@ -23,19 +23,19 @@ from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_boun
 Nodes = np.ndarray[Any, np.dtype[np.intp]]
 
 LEAF = -1
-"""In place of a child: there is none."""
+"""Stands for a missing child."""
 
 MAX_EXACT = 8
-"""Nodes of more triangles of a mesh in a scene are replaced by the box around them."""
+"""A node with more triangles of a scene's mesh is replaced by the box around them."""
 
 MAX_TRIANGLES = 200_000
-"""Of a mesh in a scene."""
+"""Maximum size of a mesh in a scene."""
 
 BOX_CORNERS = (np.arange(8)[:, None] >> np.arange(3) & 1).astype(np.bool_)
 """Which corner of a box is at the upper end of which axis, shape (8, 3)."""
 
 BOX_MARGIN_M = 1e-9
-"""By how much a box around several trees is wider than what it is computed from."""
+"""By how much a box around several trees is widened."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +43,12 @@ class Shape:
     """A tree of clusters in a frame of its own; node 0 is the root.
 
     Attributes:
-        points: of all nodes, one after the other, shape (k, 3), m, in single or double precision.
-        counts: how many points each of n nodes has.
+        points: points of all nodes, one node after the other, shape (k, 3), m, in single or double
+            precision.
+        counts: number of points of each of n nodes.
         children: numbers of the children of each node, or `LEAF`, shape (n, 2).
         ball_m: radius of the ball that widens every node.
-        disc_m: radius of the disc across z that widens every node.
+        disc_m: radius of the disc perpendicular to z that widens every node.
     """
 
     points: NDArray[np.floating[Any]]
@@ -58,7 +59,7 @@ class Shape:
 
     @classmethod
     def of_points(cls, points: Array, ball_m: float = 0.0, disc_m: float = 0.0) -> Shape:
-        """A single node."""
+        """A tree of a single node."""
         return cls(points, np.array([len(points)]), np.array([[LEAF, LEAF]]), ball_m, disc_m)
 
     @classmethod
@@ -108,19 +109,19 @@ class Shape:
     def reach_m(self) -> float:
         """Upper bound on the distance of any point from the shape's own origin.
 
-        The root contains all other nodes, but for what they are widened by.
+        The root contains all other nodes, apart from their widening.
         """
         return float(norm_bound(self.points_of(0)).max()) + 2.0 * self.ball_m + self.disc_m
 
     @cached_property
     def middle(self) -> Array:
-        """The middle of the box around the whole, shape (3,)."""
+        """Middle of the box around the root, shape (3,), m."""
         root = self.points_of(0)
         middle: Array = 0.5 * (root.min(axis=0) + root.max(axis=0))
         return middle
 
     def points_of(self, node: int) -> Array:
-        """The points of a node."""
+        """Points of a node, shape (k, 3), m."""
         start = self._starts[node]
         return self.points[start : start + self.counts[node]].astype(np.float64)
 
@@ -131,13 +132,14 @@ class Shape:
 
 
 def tree_of(corners: Array) -> Shape:
-    """A tree of triangles, halved at the median of the longest extent of their middles.
+    """A tree of triangles, halved at the median along the longest extent of their centres.
 
-    A node of at most `MAX_EXACT` has all their corners, a larger one those of the box around
-    them. Leaves are single triangles, so they are exact. Nodes are numbered level by level.
+    A node of at most `MAX_EXACT` triangles has all their corners, a larger one the corners of the
+    box around them. Leaves are single triangles, so they are exact. Nodes are numbered level by
+    level.
 
     Args:
-        corners: of m triangles, shape (m, 3, 3), m.
+        corners: corners of m triangles, shape (m, 3, 3), m.
     """
     middles, lows, highs = corners.mean(axis=1), corners.min(axis=1), corners.max(axis=1)
     order, sizes = np.arange(len(corners)), np.array([len(corners)])
@@ -179,10 +181,9 @@ class Placed(NamedTuple):
     Attributes:
         shape: the tree.
         R, p: its pose there, shapes (3, 3) and (3,).
-        root: the number of its root over all trees.
+        root: number of its root among the nodes of all trees.
         apex: a further point of every node, seen from the shape, or None.
-        joined: the numbers of the two trees, in the order in which they were added, around which
-            this one is a box, or None.
+        joined: the indices of the two trees that this one is a box around, or None.
     """
 
     shape: Shape
@@ -196,7 +197,7 @@ class Placed(NamedTuple):
 class Clusters:
     """All trees of one problem, each at a constant pose in the frame that carries it.
 
-    Nodes have one number each over all trees.
+    The nodes of all trees are numbered together.
     """
 
     def __init__(self) -> None:
@@ -209,9 +210,9 @@ class Clusters:
     def add(self, shape: Shape, T: Pose, *, is_filled: bool = False) -> int:
         """Add a tree at a pose; returns the number of its root.
 
-        What is filled contains what its surface encloses as well, since every node reaches to the
-        middle of the whole: what a surface around the middle hides from outside is on a line from
-        the middle to the surface, so in one of the nodes.
+        A filled tree also contains the volume that its surface encloses, as every node reaches to
+        the middle of the whole: every enclosed point is on a line from the middle to the surface,
+        and so in one of the nodes.
         """
         return self._add(shape, T, shape.middle if is_filled and shape.size > 1 else None)
 
@@ -229,7 +230,7 @@ class Clusters:
         return root
 
     def joined(self, roots: Sequence[int]) -> int:
-        """The root of one tree of several trees that one frame carries: boxes around them."""
+        """Join several trees that one frame carries by boxes around them; returns the root."""
         require(len(roots) > 0, "nothing to join")
         if len(roots) == 1:
             return roots[0]
@@ -244,16 +245,16 @@ class Clusters:
 
     @property
     def rounding_m(self) -> float:
-        """How wrong a support by a direction with |n|_1 = 1 may be, m.
+        """Maximum error of a support along a direction with |n|_1 = 1, m.
 
-        A pose is within `error_R` and `error_p` of its doubles, entry by entry, which moves n . x
+        A pose is within `error_R` and `error_p` of its doubles, entry by entry, which changes n . x
         by at most sqrt(3) error_R |x| + error_p. The rounding of the products R^T n, n . x and
-        n . p is below 30 units of |x| (gamma_n of Higham, any order, fused or not).
+        n . p is below 30 units of |x| (Higham's gamma_n, any order, fused or not).
         """
         return self.reach_m * (9.0 * self._error_R + 128.0 * UNIT) + 3.0 * self._error_p
 
     def children(self, nodes: Nodes) -> Nodes:
-        """Both children of each node, shape (k, 2); `LEAF` where there are none."""
+        """Children of each node, shape (k, 2); `LEAF` where there are none."""
         found = np.empty((len(nodes), 2), np.intp)
         for i, node in enumerate(nodes.tolist()):
             block, own = self._block(node)
@@ -266,18 +267,18 @@ class Clusters:
         return found
 
     def reaches_m(self, nodes: Nodes) -> Array:
-        """Upper bounds on the distance of any of their points from the frame that carries them."""
+        """Upper bounds on the distance of any point of a node from the frame that carries it, m."""
         return self._each(nodes, self._reach_m)
 
     def middles(self, nodes: Nodes) -> Array:
         """Middles of boxes around the nodes, shape (k, 3), seen from the frames that carry them.
 
-        The boxes are along the axes of their shapes. Only a choice.
+        The boxes are along the axes of their shapes. Guides a search; concludes nothing.
         """
         return self._each(nodes, self._middle).reshape(-1, 3)
 
     def lowest(self, nodes: Nodes, n: Array) -> Array:
-        """Least n . x over each node, shape (k,), n in the frame that carries it, shape (k, 3)."""
+        """Smallest n . x over each node, shape (k,); n in the carrying frame, shape (k, 3)."""
         value = np.empty(len(nodes))
         for node, rows in _alike(nodes):
             shape, R, p = self.placed[self._block(node)[0]][:3]
@@ -291,7 +292,7 @@ class Clusters:
         return value
 
     def lowest_points(self, nodes: Nodes, n: Array) -> Array:
-        """Points of the nodes that are lowest along n, shape (k, 3); only a choice."""
+        """Points of the nodes with the smallest n . x, shape (k, 3); concludes nothing."""
         found = np.empty((len(nodes), 3))
         for node, rows in _alike(nodes):
             x, along = self.points(node), n[rows]
@@ -305,15 +306,15 @@ class Clusters:
         return found
 
     def rotations(self, nodes: Nodes) -> Array:
-        """Axes of the shapes in the frames that carry them, shape (k, 3, 3); only a choice."""
+        """Rotations of the shapes in the carrying frames, shape (k, 3, 3); concludes nothing."""
         return np.array([self.placed[self._block(node)[0]].R for node in nodes.tolist()])
 
     def extents_m(self, nodes: Nodes) -> Array:
-        """Diagonals of boxes around the nodes, shape (k,), m; only a choice."""
+        """Diagonals of boxes around the nodes, shape (k,), m; concludes nothing."""
         return self._each(nodes, lambda node: float(np.linalg.norm(np.ptp(self._own(node), 0))))
 
     def points(self, root: int) -> Array:
-        """The points of a node in the frame that carries it, without ball or disc."""
+        """Points of a node in the frame that carries it, without ball or disc, shape (k, 3), m."""
         placed = self.placed[self._block(root)[0]]
         return self._own(root) @ placed.R.T + placed.p
 
@@ -361,7 +362,7 @@ def _corners(low: Array, high: Array) -> Array:
 
 
 def _alike(nodes: Nodes) -> Iterator[tuple[int, Nodes]]:
-    """Each node that occurs, and where."""
+    """Each node that occurs, and its rows."""
     order = np.argsort(nodes, kind="stable")
     cuts = np.flatnonzero(np.diff(nodes[order])) + 1
     for rows in np.split(order, cuts) if len(order) else []:
@@ -378,7 +379,7 @@ def stated_pose(data: Mapping[str, Any], where: str) -> Pose:
     """A pose as a plan file states it: "rotation", a matrix, and "translation".
 
     Raises:
-        NotCertifiedError: when it is malformed, or no rotation within 1e-9.
+        NotCertifiedError: when it is malformed, or its matrix is not a rotation within 1e-9.
     """
     try:
         R = np.array(data["rotation"], np.float64).reshape(3, 3)

@@ -1,4 +1,4 @@
-"""The one error of the checker."""
+"""The checker's only error."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from numpy.typing import ArrayLike
 
 
 class NotCertifiedError(Exception):
-    """The plan is not certified; the message is one sentence that says why."""
+    """The plan is not certified; the message gives the reason in one sentence."""
 
 
 def require(condition: ArrayLike, reason: str) -> None:
-    """Refuse the plan unless all of a condition holds.
+    """Refuse the plan unless all elements of a condition hold.
 
-    Conditions are comparisons that are false for NaN, so a NaN is refused as well.
+    Conditions are comparisons, which are false for NaN, so NaN is refused as well.
     """
     if not np.all(condition):
         raise NotCertifiedError(reason)

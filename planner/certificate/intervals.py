@@ -1,8 +1,8 @@
 """Interval arithmetic on arrays: every result encloses the exact one.
 
 Each bound is computed in doubles, which IEEE 754 rounds to nearest, and then moved outwards by one
-unit in the last place. Sines and cosines are Taylor polynomials in intervals, so nothing depends on
-the accuracy of a mathematics library.
+unit in the last place. Sines and cosines are Taylor polynomials in intervals, so that nothing
+depends on the accuracy of a mathematics library.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ UNIT = 2.0**-53
 """Half a unit in the last place of 1: the relative error of one rounded operation."""
 
 UNDERFLOW = 1e-150
-"""More than the root of what is lost where squares underflow."""
+"""Above the square root of the error of squares that underflow."""
 
 MAX_ANGLE = 4.0
-"""Greatest angle of `cos_sin`, rad; no joint of the robot turns by more."""
+"""Maximum angle of `cos_sin`, rad; no joint of the robot turns farther."""
 
 TERMS = 21
 """Number of terms of the Taylor polynomials. At 4 rad the remainder is below 4^42 / 42! = 2e-26."""
 
 
 def above(x: ArrayLike) -> Array:
-    """The next greater double."""
+    """The next larger double."""
     found: Array = np.nextafter(x, np.inf)
     return found
 
@@ -48,14 +48,14 @@ class Interval:
         high: upper bounds, of the same shape.
     """
 
-    __array_ufunc__ = None  # so that arrays on the left of an operator leave it to this class
+    __array_ufunc__ = None  # arrays on the left of an operator defer to this class
 
     def __init__(self, low: ArrayLike, high: ArrayLike | None = None) -> None:
         """Enclose exact values.
 
         Args:
             low: lower bounds, or the values themselves.
-            high: upper bounds; those of exact values when not given.
+            high: upper bounds; `low` when not given.
         """
         self.low: Array = np.asarray(low, np.float64)
         self.high: Array = self.low if high is None else np.asarray(high, np.float64)
@@ -73,7 +73,7 @@ class Interval:
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
     def centred(self) -> tuple[Array, float]:
-        """Middles of the intervals, and how far any value may be from its middle."""
+        """Middles of the intervals, and the maximum distance of any value from its middle."""
         middle: Array = 0.5 * (self.low + self.high)
         radius = np.maximum(above(self.high - middle), above(middle - self.low))
         return middle, float(radius.max(initial=0.0))
@@ -114,7 +114,7 @@ class Interval:
 
 
 class Pose:
-    """Rigid transforms as intervals: x in the one frame is R x + p in the other.
+    """Rigid transforms as intervals: x in one frame is R x + p in the other.
 
     Attributes:
         R: rotation matrices, shape (..., 3, 3).
@@ -126,7 +126,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The transform that changes nothing."""
+        """The identity."""
         return cls(Interval(np.eye(3)), Interval(np.zeros(3)))
 
     @classmethod
@@ -136,17 +136,12 @@ class Pose:
         roll, pitch, yaw = (turn(axis, cosines[axis], sines[axis]) for axis in range(3))
         return cls(product(product(yaw, pitch), roll), Interval(xyz))
 
-    @classmethod
-    def of_matrix(cls, rotation: ArrayLike, translation: ArrayLike) -> Pose:
-        """A transform as a plan file states it."""
-        return cls(Interval(rotation), Interval(translation))
-
     def __mul__(self, other: Pose) -> Pose:
         moved = product(self.R, other.p.reshaped(*other.p.low.shape, 1))
         return Pose(product(self.R, other.R), moved[..., 0] + self.p)
 
     def inverse(self) -> Pose:
-        """The inverse; the rotation is taken to be orthonormal."""
+        """The inverse; the rotation is assumed to be orthonormal."""
         turned = self.R.transposed()
         return Pose(turned, -product(turned, self.p.reshaped(*self.p.low.shape, 1))[..., 0])
 
@@ -158,13 +153,13 @@ def product(first: Interval, second: Interval) -> Interval:
 
 
 def cos_sin(angle: Interval) -> tuple[Interval, Interval]:
-    """Cosine and sine of angles of at most `MAX_ANGLE`, rad.
+    """Cosine and sine of angles up to `MAX_ANGLE`, rad.
 
     With y = x^2, cos x = 1 - y/(1 2) (1 - y/(3 4) (1 - ...)), and sin x / x likewise with
     1/(2 3), 1/(4 5), ... The innermost bracket is 1 - z for some 0 <= z < 1, within [0, 2].
 
     Raises:
-        ValueError: when an angle is greater.
+        ValueError: when an angle is larger.
     """
     if not (angle.magnitude <= MAX_ANGLE).all():
         raise ValueError(f"an angle is beyond {MAX_ANGLE:g} rad")
@@ -183,7 +178,7 @@ def rotation(axis: int, angle: Interval) -> Interval:
 
 
 def turn(axis: int, c: Interval, s: Interval) -> Interval:
-    """Rotation matrices about an axis, of angles with these cosines and sines."""
+    """Rotation matrices about x, y or z, of angles given by their cosines and sines."""
     zero, one = Interval(np.zeros_like(c.low)), Interval(np.ones_like(c.low))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     rows = [[zero] * 3 for _ in range(3)]
@@ -200,10 +195,10 @@ def turns_about(axis: Array, angle: Interval) -> Interval:
 
 
 def axis_angle(R: Array) -> tuple[Array, float]:
-    """Axis and angle of a rotation matrix, in doubles: a choice, with nothing said of its error.
+    """Axis and angle of a rotation matrix, in doubles, without a bound on the error.
 
-    By the quaternion (w, x, y, z) whose products with its greatest component are best known:
-    rows of the matrix of all products, from traces and off-diagonal sums.
+    From the quaternion (w, x, y, z): of the matrix of all products of two components, given by
+    traces and off-diagonal sums, the row of the largest component is the most accurate.
     """
     (a, b, c), (d, e, f), (g, h, i) = R
     products = np.array(
@@ -224,7 +219,7 @@ def axis_angle(R: Array) -> tuple[Array, float]:
 def norm_bound(vectors: Array) -> Array:
     """Upper bounds on the lengths of vectors along the last axis.
 
-    The rounded sum of n squares and its root are off by less than n + 2 units.
+    The rounded sum of n squares and its root have an error of less than n + 2 units.
     """
     length = np.sqrt((vectors**2).sum(axis=-1))
     bound: Array = length * (1.0 + (vectors.shape[-1] + 6) * UNIT) + UNDERFLOW

@@ -1,14 +1,14 @@
-"""A motion of the arm: polynomials of time between knots, and bounds on what they do.
+"""A motion of the arm: polynomials of time between knots, and bounds on their values.
 
-One lemma carries everything here and in `rows`. Let phi be continuous on a cell of length h and,
-but for some kinks, continuously differentiable with |phi''| <= M almost everywhere; and let S be
-the sum of what its slope jumps by at the kinks inside the cell. Then phi is at least
-min(phi(start), phi(end)) - M h^2 / 8 - S h / 4 throughout: it is its chord, less the integral of
+Everything here and in `rows` rests on one lemma. Let phi be continuous on a cell of length h and,
+except at some kinks, continuously differentiable with |phi''| <= M almost everywhere; and let S be
+the sum of the jumps of its slope at the kinks inside the cell. Then phi is at least
+min(phi(start), phi(end)) - M h^2 / 8 - S h / 4 throughout: it is its chord minus the integral of
 phi'' and of the jumps with Green's function min(t, s) (h - max(t, s)) / h, which is at most h / 4
 and has an integral of at most h^2 / 8.
 
-Files may have jumps of up to `MAX_JUMP` at knots, from rounding. With jumps of at most d in phi and
-of at most s in its slope at k knots, phi is a function without jumps plus one that changes by at
+Files may have jumps of up to `MAX_JUMP` at knots, due to rounding. With jumps of at most d in phi
+and at most s in its slope at k knots, phi is a function without jumps plus one that changes by at
 most k (d + s T) over a time T, so twice that is added to the bound.
 """
 
@@ -26,15 +26,15 @@ from planner.certificate.intervals import UNDERFLOW, UNIT, Array, Interval, abov
 from planner.certificate.robot import ARM_JOINTS, Robot
 
 MAX_JUMP = 1e-8
-"""How far position, velocity and acceleration may jump at a knot by rounding, rad, rad/s, rad/s^2.
-Where the velocity jumps by more is a kink."""
+"""Maximum jump of position, velocity and acceleration at a knot due to rounding, rad, rad/s,
+rad/s^2. A knot with a larger jump of velocity is a kink."""
 
 MAX_DEGREE = 5
 
 MAX_PIECES = 50_000
 
 LIMIT_RATIO = 1e-9
-"""By how much, relatively, a limit may be exceeded by rounding."""
+"""Maximum relative excess over a limit due to rounding."""
 
 MAX_HALVINGS = 30
 
@@ -49,13 +49,13 @@ def carried(
     """Bounds on the velocity and acceleration of points that some joints carry.
 
     From the last joint to the first: w += 2 V u + sqrt(V^4 + A^2) rho, u += V rho, and rho grows by
-    the offset to the next joint. The terms of w are Coriolis, and centripetal and Euler together,
-    which are perpendicular.
+    the offset to the next joint. The terms of w are the Coriolis acceleration, and the centripetal
+    and Euler accelerations together, which are perpendicular.
 
     Args:
-        v: greatest speed of each joint, shape (k, n), rad/s.
-        a: greatest acceleration of each joint, shape (k, n), rad/s^2.
-        rho: greatest distance of the points from the frame that carries them, shape (k,), m.
+        v: maximum speed of each joint, shape (k, n), rad/s.
+        a: maximum acceleration of each joint, shape (k, n), rad/s^2.
+        rho: maximum distance of the points from the frame that carries them, shape (k,), m.
         offsets: lengths between successive joints, shape (n,), m.
         between: which joints count, shape (k, n); all when not given.
     """
@@ -75,7 +75,7 @@ class Polynomials:
     Attributes:
         t: times of the n + 1 knots, from 0, s.
         derivatives: position, velocity, acceleration, jerk and so on at the start of each piece,
-            shape (n, 4 to 6, joints); those that follow are 0.
+            shape (n, 4 to 6, joints); higher ones are 0.
         start, end: positions, velocities and accelerations at both ends, shape (3, joints).
         duration_s: the time of the last knot.
         v_peak, a_peak: upper bounds on |v| and |a| in each piece, shape (n, joints).
@@ -90,9 +90,9 @@ class Polynomials:
         Args:
             t: times of the knots.
             derivatives: at the start of each piece, shape (n, k, joints).
-            label: what messages call it.
-            stated: positions, velocities and accelerations at the knots, shape (m, 3, joints),
-                m = n + 1 where the last knot's are stated, else n.
+            label: its name in messages.
+            stated: positions, velocities and accelerations at the knots, shape (m, 3, joints), with
+                m = n + 1 where those of the last knot are stated, else n.
 
         Raises:
             NotCertifiedError: when it is malformed, or its position jumps.
@@ -145,10 +145,10 @@ class Polynomials:
             t: times of the knots, shape (n + 1,), s.
             qva: positions, velocities and accelerations there, each of shape (n + 1, joints).
             j: jerks between them, shape (n, joints).
-            label: what messages call it.
+            label: its name in messages.
 
         Raises:
-            NotCertifiedError: when they do not fit each other, or the motion jumps at a knot.
+            NotCertifiedError: when shapes do not match, or the motion jumps at a knot.
         """
         require([len(x) == len(j) + 1 for x in qva], f"{label}: knots do not fit the jerks")
         stated = np.stack(qva, axis=1)
@@ -184,14 +184,14 @@ class Polynomials:
         return self._values(0, i, (Interval(times_s) - Interval(self.t[i])).reshaped(len(i), 1))
 
     def peaks(self, starts_s: Array, ends_s: Array) -> tuple[Array, Array, Array]:
-        """Upper bounds on |v| and |a| of each joint in cells, and on what v jumps by in all.
+        """Upper bounds on |v| and |a| of each joint in cells, and on the sum of the jumps of v.
 
-        Each of shape (k, joints); jumps at kinks that are inside of a cell count.
+        Each of shape (k, joints); only jumps at kinks inside a cell count.
         """
         if not len(self.derivatives):
             still = np.zeros((len(starts_s), self.start.shape[1]))
             return still, still, still
-        cells, back = np.unique(starts_s + 1j * ends_s, return_inverse=True)  # many are alike
+        cells, back = np.unique(starts_s + 1j * ends_s, return_inverse=True)  # many are equal
         starts_s, ends_s = cells.real, cells.imag
         first = self._pieces(starts_s, "right")
         last = np.maximum(self._pieces(ends_s, "left"), first)
@@ -205,7 +205,7 @@ class Polynomials:
         return v[back], a[back], jumps[back]
 
     def cuts_s(self, starts_s: Array, ends_s: Array) -> Array:
-        """Where cells are cut: at the kink inside that is nearest to the middle; else there."""
+        """Where cells are cut: at the kink inside that is nearest to the middle, or there."""
         middle = 0.5 * (starts_s + ends_s)
         if not len(self.kinks_s):
             return middle
@@ -218,11 +218,11 @@ class Polynomials:
         return np.where(last > first, nearest, middle)
 
     def slack_m(self, reach_m: float) -> float:
-        """What is added to every bound on a gap because positions and velocities jump at knots.
+        """What is added to every bound on a gap because positions and velocities jump at knots, m.
 
-        Each joint turns points that are at most `reach_m` away, so a jump of all n by d moves
-        them by n d `reach_m`; their velocities change by n s `reach_m`, and by n^2 d V `reach_m` as
-        the joints before turn too. Velocities that jump at kinks count in `peaks`.
+        Each joint turns points that are at most `reach_m` away, so a jump of all n joints by d
+        moves them by n d `reach_m`. Their velocities change by n s `reach_m`, and by
+        n^2 d V `reach_m` as the joints before turn too. `peaks` counts jumps of velocity at kinks.
         """
         if not len(self.derivatives):
             return 0.0
@@ -236,8 +236,8 @@ class Polynomials:
         """Refuse a motion that exceeds a limit.
 
         Args:
-            bounds: least and greatest positions, velocities, accelerations and jerks, in this
-                order, each of shape (7,); None for what is not judged.
+            bounds: minimum and maximum positions, velocities, accelerations and jerks, in this
+                order, each of shape (7,); None for a quantity that is not judged.
         """
         for order, (bound, what) in enumerate(zip(bounds, QUANTITIES, strict=False)):
             if bound is None:
@@ -248,7 +248,7 @@ class Polynomials:
             self._require_within(order, bound, what)
 
     def _require_within(self, order: int, bounds: tuple[Array, Array], what: str) -> None:
-        """Halve cells until the values at their ends, less the sag between, are within bounds."""
+        """Halve cells until the values at their ends, and the sag between, are within bounds."""
         low, high = bounds
         bends, n = self._peaks(order + 2), len(self.derivatives)
         i, start, end = np.arange(n), np.zeros(n), self._length.high[:, 0]
@@ -285,13 +285,13 @@ class Polynomials:
         return np.clip(found, 0, len(self.derivatives) - 1)
 
     def _inside(self, starts_s: Array, ends_s: Array) -> tuple[Indices, Indices]:
-        """The first kink inside of each cell, and the first after it."""
+        """The first kink inside each cell, and the first after it."""
         first: Indices = np.searchsorted(self.kinks_s, starts_s, side="right")
         last: Indices = np.searchsorted(self.kinks_s, ends_s, side="left")
         return first, last
 
     def _values(self, order: int, i: Indices, since: Interval) -> Interval:
-        """A derivative of pieces at times since their start, by Horner's rule, (k, joints)."""
+        """A derivative of pieces at times since their starts, by Horner's rule, (k, joints)."""
         *others, last = range(order, self.derivatives.shape[1])
         value = Interval(self.derivatives[i, last])
         for k in reversed(others):
@@ -304,10 +304,10 @@ class Polynomials:
     def _peaks(self, order: int) -> Array:
         """Upper bounds on the absolute values of a derivative in each piece, shape (n, joints).
 
-        They are the greatest of the coefficients in Bernstein's basis of the two halves of the
-        piece: each polynomial is a convex combination of its own. These are computed in doubles.
-        Each is a sum of shares of the coefficients of powers, so with less than 60 roundings on the
-        way it is wrong by less than 64 units of the sum of their absolute values.
+        They are the largest of the coefficients in Bernstein's basis of the two halves of the
+        piece: a polynomial is a convex combination of its coefficients. These are computed in
+        doubles. Each is a sum of shares of the coefficients of powers, so with fewer than 60
+        roundings its error is below 64 units of the sum of their absolute values.
         """
         n, orders, joints = self.derivatives.shape
         if order >= orders:
@@ -318,7 +318,9 @@ class Polynomials:
         )
         points = np.tensordot(_BERNSTEIN[degree], terms, 1)
         peak = np.maximum(np.abs(points[0]), np.abs(points[-1]))
-        while len(points) > 1:  # de Casteljau's rule at the middle: ends of rows belong to halves
+        while (
+            len(points) > 1
+        ):  # de Casteljau's rule at the middle: ends of rows belong to the halves
             points = 0.5 * (points[:-1] + points[1:])
             peak = np.maximum(peak, np.maximum(np.abs(points[0]), np.abs(points[-1])))
         error = 64.0 * UNIT * np.abs(terms).sum(axis=0) + UNDERFLOW
@@ -329,11 +331,11 @@ _BERNSTEIN = [
     np.array([[comb(i, k) / comb(degree, k) for k in range(degree + 1)] for i in range(degree + 1)])
     for degree in range(MAX_DEGREE + 1)
 ]
-"""From coefficients of powers to those in Bernstein's basis, by degree."""
+"""From coefficients of powers to coefficients in Bernstein's basis, by degree."""
 
 
 def _each(of: np.ufunc, values: Array, first: Indices, last: Indices) -> Array:
-    """The maximum, or the sum, of some successive rows each."""
+    """The maximum or the sum of successive rows, from each `first` to before each `last`."""
     pairs = np.column_stack([first, last]).ravel()
     found: Array = of.reduceat(np.concatenate([values, values[-1:]]), pairs, axis=0)[::2]
     return found
@@ -342,14 +344,14 @@ def _each(of: np.ufunc, values: Array, first: Indices, last: Indices) -> Array:
 def stated_limits(
     robot: Robot, stated: Mapping[str, Any], a_max: Array, j_max: Array, label: str
 ) -> tuple[tuple[Array, Array], ...]:
-    """Bounds on positions, velocities, accelerations and jerks: the narrower of two each.
+    """Bounds on positions, velocities, accelerations and jerks: the stricter of two each.
 
     Args:
-        robot: whose positions and velocities are limited.
+        robot: the robot, with limits of position and velocity.
         stated: limits that the plan itself states.
-        a_max: greatest accelerations, shape (7,), rad/s^2.
-        j_max: greatest jerks, shape (7,), rad/s^3.
-        label: what messages call the motion.
+        a_max: maximum accelerations, shape (7,), rad/s^2.
+        j_max: maximum jerks, shape (7,), rad/s^3.
+        label: name of the motion in messages.
     """
     try:
         low, high, v, a, j = (

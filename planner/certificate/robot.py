@@ -22,22 +22,22 @@ from planner.certificate.intervals import (
 )
 
 BASE = "base"
-"""The link that poses are seen from."""
+"""The link in which poses are given."""
 
 ARM_JOINTS = 7
 FINGERS = 2
 
 UNIT_AXIS = 1e-12
-"""How far the length of a joint's axis may be from 1."""
+"""Maximum deviation of the squared length of a joint's axis from 1."""
 
 MAX_LINKS = 1000
 """A URDF with more links is not read."""
 
 
 class _Joint(NamedTuple):
-    """A joint by its child link; limits are 0 where the URDF has none.
+    """The joint of a child link; limits are 0 where the URDF has none.
 
-    A joint that turns about another axis than z has a rotation that leads z to its axis.
+    `aligned` rotates z to the axis of a joint that turns about another axis; None for z itself.
     """
 
     name: str
@@ -52,12 +52,12 @@ class _Joint(NamedTuple):
 
 @dataclass(frozen=True)
 class Attached:
-    """Where a link hangs: seen from the frame that carries it.
+    """The frame that carries a link, and the link's pose there.
 
     Attributes:
         level: number of the arm's joint that moves it, 1 to 7; 0 where it stands still.
         finger: the finger that it is part of, or None.
-        T: its pose seen from that joint's frame, of a finger at position 0; from base at level 0.
+        T: its pose seen from that joint, with fingers at position 0; seen from base at level 0.
     """
 
     level: int
@@ -79,11 +79,11 @@ class Robot:
         offsets: upper bounds on the lengths of their translations, shape (7,), m.
         tip: pose of the tip seen from the last joint.
         sliding: all links on joints that slide.
-        fingers: the two of them on this arm, by name, each with the sign of its way along y.
+        fingers: the two fingers of this arm, by name, each with the sign of its travel along y.
         finger_joints: their joints.
         stroke_m: how far they open.
-        along: the direction in which fingers slide, seen from the last joint, shape (3,).
-        skew: by how much that is off y, where the joint is not square to its link.
+        along: direction of the fingers' travel, seen from the last joint, shape (3,).
+        skew: distance of that from y, where the joint is not square to its link.
     """
 
     def __init__(self, text: str, limb: str) -> None:
@@ -94,7 +94,7 @@ class Robot:
             limb: the arm that moves.
 
         Raises:
-            NotCertifiedError: when it is malformed, or has no such arm.
+            NotCertifiedError: when the URDF is malformed, or has no such arm.
         """
         self.limb = limb
         self._joints = _joints_of(text)
@@ -135,9 +135,9 @@ class Robot:
         return link == BASE or link in self._joints
 
     def places(self, joints: Mapping[str, float]) -> Mapping[str, Pose]:
-        """Poses of all links, each seen from its parent, as `attached` takes them.
+        """Poses of all links, each seen from its parent, for `attached`.
 
-        Joints of this arm and its hand are at 0, others where `joints` has them.
+        Joints of this arm and its hand are at 0, all others at their positions in `joints`.
 
         Raises:
             NotCertifiedError: when a joint is not given.
@@ -160,7 +160,7 @@ class Robot:
         return found
 
     def attached(self, link: str, places: Mapping[str, Pose]) -> Attached:
-        """Where a link hangs, as the poses from `places` have it.
+        """The frame that carries a link, with poses from `places`.
 
         Raises:
             NotCertifiedError: when the link is not in the robot.
@@ -172,14 +172,14 @@ class Robot:
         return Attached(level, finger, self._seen(base, self._between(link, base, places)))
 
     def carrier(self, link: str) -> str:
-        """The link that moves with a link and hangs on a joint that can move; `BASE` if none."""
+        """The nearest link on a movable joint that carries a link; `BASE` if there is none."""
         path = self._path(link)
         return next(
             (c for c in path if c in self._joints and self._joints[c].kind != "fixed"), BASE
         )
 
     def joints_between(self, first: str, second: str) -> int:
-        """How many joints that can move are between two links."""
+        """Number of movable joints between two links."""
         movable = [
             {c for c in self._path(link) if c in self._joints and self._joints[c].kind != "fixed"}
             for link in (first, second)
@@ -187,14 +187,14 @@ class Robot:
         return len(movable[0] ^ movable[1])
 
     def tips(self, q: Interval) -> Pose:
-        """Poses of the tip seen from base, of configurations of shape (n, 7)."""
+        """Poses of the tip in base, for configurations of shape (n, 7), rad."""
         turns, found = rotation(2, q), Pose.identity()
         for i, span in enumerate(self.spans):
             found = found * Pose(product(span.R, turns[:, i]), span.p)
         return found * self.tip
 
     def _seen(self, base: str, T: Pose, link: str = BASE) -> Pose:
-        """The pose of a link seen from another, of their joints."""
+        """The pose of a link seen from another, between the aligned frames of their joints."""
         nothing = Interval(np.zeros(3))
         for name, is_base in ((base, True), (link, False)):
             aligned = self._joints[name].aligned if name in self._joints else None
@@ -205,7 +205,7 @@ class Robot:
         return T
 
     def _path(self, link: str) -> tuple[str, ...]:
-        """A link and all that it hangs on."""
+        """A link and all its ancestors."""
         if link not in self._paths:
             require(link in self, f"the robot has no link {link}")
             path = [link]
@@ -216,7 +216,7 @@ class Robot:
         return self._paths[link]
 
     def _between(self, link: str, base: str, places: Mapping[str, Pose]) -> Pose:
-        """Pose of a link seen from one that it hangs on."""
+        """Pose of a link seen from one of its ancestors."""
         T = Pose.identity()
         for child in self._path(link):
             if child == base:
@@ -268,7 +268,7 @@ def _joints_of(text: str) -> dict[str, _Joint]:
 
 
 def _aligned(name: str, axis: list[float]) -> Interval | None:
-    """The least rotation from z to an axis near it, shape (3, 3); None for z itself."""
+    """The smallest rotation from z to an axis near it, shape (3, 3); None for z itself."""
     if axis == [0.0, 0.0, 1.0]:
         return None
     is_unit = abs(sum(x * x for x in axis) - 1.0) <= UNIT_AXIS and axis[2] > 0.5

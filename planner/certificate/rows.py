@@ -1,14 +1,14 @@
-"""Rows: what proves that clusters keep apart at every instant of a step.
+"""Rows: the proof that clusters keep apart at every instant of a step.
 
 A row is a cell of time, two clusters and a direction n, fixed in the frame that carries the second.
-Let G(t) be the gap that n leaves between them: the least n . a over the first minus the greatest
+Let G(t) be the gap that n leaves between them: the smallest n . a over the first minus the largest
 n . b over the second. For each pair of points, n . (a - b) has a second derivative of at most
-|n| M, and at kinks its slope jumps by at most |n| S in all, so by the lemma of `motion` G is at
-least min(G(start), G(end)) - |n| (M h^2 / 8 + S h / 4) at every instant of a cell of length h, and
-the distance is at least G / |n|. Any direction is sound, so nothing about a row is trusted.
+|n| M, and the jumps of its slope at kinks add up to at most |n| S. So, by the lemma of `motion`, G
+is at least min(G(start), G(end)) - |n| (M h^2 / 8 + S h / 4) at every instant of a cell of length
+h, and the distance is at least G / |n|. Any direction is sound, so nothing about a row is trusted.
 
-M is a bound on the acceleration of any point of the first cluster seen from the frame of the
-second, and S on what its velocity jumps by (`motion.carried`).
+M bounds the acceleration of any point of the first cluster seen from the frame of the second, and S
+the sum of the jumps of its velocity (`motion.carried`).
 
 The witness of a step is a string of letters, level by level: each open task (a pair of clusters and
 a cell) is separated, or replaced by both halves of a cluster or of the cell. So no part of a
@@ -32,19 +32,19 @@ BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = r
 """Letters: separated by a stated direction, or by the line between the middles; cut."""
 
 MAX_TASKS = 50_000
-"""Tasks of one level of one step; a plan of today has some hundreds."""
+"""Maximum number of tasks of one level of one step; current plans have some hundreds."""
 
 MAX_LEVELS = 100
 
 MIN_LENGTH = 1e-6
-"""Shorter directions separate nothing."""
+"""Minimum length of a direction."""
 
 MIDDLES_SCALE = 100.0
-"""The line between middles is rounded to whole numbers of at most this."""
+"""The line between middles is rounded to integers up to this."""
 
 
 class Joints(Protocol):
-    """A serial chain of n joints that move; a `planner.certificate.robot.Robot` has an arm's."""
+    """A serial chain of n joints, such as the arm of a `planner.certificate.robot.Robot`."""
 
     @property
     def spans(self) -> Sequence[Pose]:
@@ -60,11 +60,11 @@ class Mover:
     """Clusters that move as one.
 
     Attributes:
-        name: what they are.
+        name: their name in messages.
         root: number of the root of their tree.
-        level: number of the joint that carries them, 0 for what the chain stands on.
-        slide_m: how far they are moved along y of the last joint's frame, at the start and at the
-            end of the step, evenly between.
+        level: number of the joint that carries them, 0 for the base of the chain.
+        slide_m: displacement along y of the last joint's frame at the start and at the end of the
+            step; linear in between.
     """
 
     name: str
@@ -80,9 +80,9 @@ class Pair:
     Attributes:
         first: the one carried by the later joint.
         second: the other.
-        least_m: the least gap, negative where they may press.
+        least_m: the minimum gap, negative where they may press into each other.
         begin_s, end_s: the window of time.
-        is_counted: whether its gap counts for the clearance of the step.
+        is_counted: whether the gap counts for the clearance of the step.
     """
 
     first: Mover
@@ -99,9 +99,9 @@ class Step:
 
     Attributes:
         label: as in the plan.
-        pairs: all that must keep apart.
-        motion: of the arm, or None.
-        q: where the joints stand when there is none, shape (n,), rad.
+        pairs: all pairs that must keep apart.
+        motion: the motion of the arm, or None.
+        q: position of the joints where there is no motion, shape (n,), rad.
     """
 
     label: str
@@ -111,7 +111,7 @@ class Step:
 
     @property
     def duration_s(self) -> float:
-        """The time that it takes; travels of fingers are parametrised over [0, 1]."""
+        """Duration, s; 1 for travels of fingers, which are parametrised over [0, 1]."""
         return 1.0 if self.motion is None else self.motion.duration_s
 
     def cuts_s(self, starts_s: Array, ends_s: Array) -> Array:
@@ -124,8 +124,8 @@ class Step:
         """Upper bound on the distance of anything of the step from any joint, m.
 
         Args:
-            robot: whose arm moves.
-            size_m: how far clusters reach from the frames that carry them.
+            robot: the arm that moves.
+            size_m: maximum distance of clusters from the frames that carry them.
         """
         slides = [m for pair in self.pairs for m in (*pair.first.slide_m, *pair.second.slide_m)]
         return (size_m + float(robot.offsets.sum()) + max(map(abs, slides), default=0.0)) * (
@@ -144,7 +144,7 @@ class Tasks:
     end_s: Array
 
     def only(self, rows: Any) -> Tasks:
-        """Some of them."""
+        """The tasks of some rows."""
         return Tasks(
             self.pair[rows],
             self.first[rows],
@@ -155,7 +155,7 @@ class Tasks:
 
     @classmethod
     def joined(cls, parts: Sequence[Tasks]) -> Tasks:
-        """All of several."""
+        """The tasks of several."""
         columns = ("pair", "first", "second", "start_s", "end_s")
         return cls(*(np.concatenate([getattr(part, c) for part in parts]) for c in columns))
 
@@ -165,11 +165,11 @@ class Tasks:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What leads through the rows of a step, or of all steps.
+    """Letters and directions that lead through the rows of a step, or of all steps.
 
     Attributes:
         letters: in order, shape (n,).
-        directions: for each letter `BY_DIRECTION`, shape (k, 3), whole numbers up to 127.
+        directions: for each letter `BY_DIRECTION`, shape (k, 3), integers up to 127.
         fine: likewise for each letter `BY_FINE_DIRECTION`, up to 32767.
     """
 
@@ -179,13 +179,13 @@ class Trace:
 
     @classmethod
     def of(cls, letters: Nodes, n: Array) -> Trace:
-        """A trace of letters with a direction for each; those that are not stated are left out."""
+        """A trace of letters with a direction for each; unstated directions are left out."""
         stated = (n[letters == letter] for letter in (BY_DIRECTION, BY_FINE_DIRECTION))
         return cls(letters, *stated)
 
     @classmethod
     def joined(cls, parts: Sequence[Trace]) -> Trace:
-        """One trace after the other."""
+        """Concatenate traces."""
         none = cls(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3)))
         each = (none, *parts)
         columns = ("letters", "directions", "fine")
@@ -193,24 +193,24 @@ class Trace:
 
 
 class Advice:
-    """A trace that is read in order."""
+    """A reader of a trace."""
 
     def __init__(self, trace: Trace) -> None:
-        """Begin at the first."""
+        """Start at the first letter."""
         self._trace = trace
         self._at, self._rows = 0, [0, 0]
 
     @property
     def is_used_up(self) -> bool:
-        """Whether nothing is left over."""
+        """Whether all of the trace was read."""
         trace, read = self._trace, [self._at, *self._rows]
         return read == [len(x) for x in (trace.letters, trace.directions, trace.fine)]
 
     def next(self, count: int) -> tuple[Nodes, Array]:
-        """The letters of some tasks, and a direction for each, 0 where none is stated.
+        """Read the letters of some tasks, and a direction for each, 0 where none is stated.
 
         Raises:
-            NotCertifiedError: when the witness ends before.
+            NotCertifiedError: when the trace ends too soon.
         """
         letters = self._trace.letters[self._at : self._at + count]
         self._at += count
@@ -226,7 +226,7 @@ class Advice:
 
 
 class Kinematics:
-    """Poses of the arm's joints seen from each other, enclosed, at some times of a step."""
+    """Enclosures of the poses of the arm's joints seen from each other, at times of a step."""
 
     def __init__(
         self, robot: Joints, step: Step, times_s: Array, wanted: set[tuple[int, int]]
@@ -260,10 +260,10 @@ class Kinematics:
 
 
 class Judge:
-    """Concludes gaps from rows; the only place where a separation is concluded."""
+    """Concludes gaps from rows; no other code concludes a separation."""
 
     def __init__(self, robot: Joints, clusters: Clusters, step: Step) -> None:
-        """Prepare the judgement of one step."""
+        """Prepare to judge one step."""
         self._robot, self._clusters, self.step = robot, clusters, step
         pairs = step.pairs
         self._k, self._m = (
@@ -302,10 +302,10 @@ class Judge:
         return Tasks(np.arange(len(pairs)), first, second, begin, end)
 
     def rows(self, advice: Advice) -> Iterator[tuple[Tasks, Nodes, Array]]:
-        """The rows that a witness asks for, level by level; no geometry is looked at.
+        """The rows that a witness asks for, level by level; no geometry is computed.
 
         Raises:
-            NotCertifiedError: when the witness is malformed, or asks for too much.
+            NotCertifiedError: when the witness is malformed, or asks for too many rows.
         """
         tasks, levels = self.tasks(), 0
         while len(tasks):
@@ -323,7 +323,7 @@ class Judge:
         """The halves of the tasks that are cut.
 
         Raises:
-            NotCertifiedError: when a leaf is cut, or a cell that has no time inside.
+            NotCertifiedError: when a leaf is cut, or a cell too short to be cut.
         """
         parts = []
         firsts, seconds, times = (
@@ -346,7 +346,7 @@ class Judge:
         return Tasks.joined(parts)
 
     def place(self, times_s: Array) -> None:
-        """Compute where the arm's joints are at some times, in increasing order."""
+        """Compute the poses of the arm's joints at some times, in increasing order."""
         wanted = {(m, k) for m, k in zip(self._m.tolist(), self._k.tolist(), strict=True) if m < k}
         self._kinematics = seen = Kinematics(self._robot, self.step, times_s, wanted)
         clusters = self._clusters
@@ -358,7 +358,7 @@ class Judge:
         )
 
     def between_middles(self, tasks: Tasks) -> Array:
-        """The direction between the middles of the clusters when each cell starts."""
+        """The direction between the middles of the clusters at the start of each cell."""
         R, p = self._frames(tasks, tasks.start_s)
         first, second = (self._clusters.middles(nodes) for nodes in (tasks.first, tasks.second))
         first[:, 1] += self._slide(tasks, tasks.start_s, 0)
@@ -369,9 +369,9 @@ class Judge:
         return np.where((n == 0.0).all(axis=1, keepdims=True), [0.0, 0.0, 1.0], n)
 
     def gaps_m(self, tasks: Tasks, n: Array) -> Array:
-        """What each row concludes: lower bounds on the distance throughout its cell, shape (k,), m.
+        """The conclusion of each row: a lower bound on the distance in its cell, shape (k,), m.
 
-        The sum of four supports and translations is wrong by at most 4 |n|_1 times the error of
+        The error of the sum of four supports and translations is at most 4 |n|_1 times the error of
         one; see `Clusters.rounding_m`.
         """
         ends = []
@@ -392,7 +392,7 @@ class Judge:
         return np.where(is_long, found / np.where(is_long, divisor, 1.0) - 1e-15, -np.inf)
 
     def sag_m(self, tasks: Tasks) -> Array:
-        """How far a gap may sag between the ends of each cell, M h^2 / 8 + S h / 4, m."""
+        """Maximum sag of a gap between the ends of each cell, M h^2 / 8 + S h / 4, m."""
         step = self.step
         if step.motion is None:
             return np.zeros(len(tasks))
@@ -411,10 +411,10 @@ class Judge:
         return sag * (1.0 + 1e-9) + self._slack_m
 
     def supports(self, tasks: Tasks, n: Array) -> tuple[tuple[Array, Array], Array]:
-        """Points of the first clusters that are lowest along directions, and the second's highest.
+        """Lowest points of the first clusters along directions, and highest points of the second.
 
-        The first at both ends of each cell; all shapes (k, 3), seen from the second's frame. These
-        guide a search and conclude nothing.
+        The former at both ends of each cell; all of shape (k, 3), seen from the second's frame.
+        They guide a search and conclude nothing.
         """
         ends = []
         for times_s in (tasks.start_s, tasks.end_s):
@@ -427,7 +427,7 @@ class Judge:
         return (ends[0], ends[1]), far
 
     def rotations(self, tasks: Tasks, times_s: Array) -> Array:
-        """Of the frames of the first clusters seen from those of the second, shape (k, 3, 3)."""
+        """Rotations of the first clusters' frames seen from the second's, shape (k, 3, 3)."""
         return self._frames(tasks, times_s)[0]
 
     def _slide(self, tasks: Tasks, times_s: Array, side: int) -> Array:
@@ -446,7 +446,7 @@ def certified_m(robot: Joints, clusters: Clusters, step: Step, advice: Advice) -
     """The distance that all counted pairs of a step keep at every instant; inf without any.
 
     Raises:
-        NotCertifiedError: when a row does not conclude what its pair must keep.
+        NotCertifiedError: when a row does not conclude the minimum gap of its pair.
     """
     if not step.pairs:
         return np.inf

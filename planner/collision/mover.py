@@ -28,7 +28,7 @@ from baxter_kin import Arm, JointLimits
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
-from planner.prover.kernel import Chain
+from planner.prover.problem import Chain
 
 
 @dataclass(frozen=True, slots=True, eq=False)

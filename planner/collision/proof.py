@@ -34,18 +34,9 @@ from planner.collision.checker import MAX_JOINT, ClearanceChecker
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import SceneError, TrajectoryError
-from planner.prover.kernel import (
-    PAIR,
-    SHARES,
-    Chain,
-    Found,
-    Near,
-    Outcome,
-    PlacedShapes,
-    Trees,
-    rows_kernel,
-)
+from planner.prover.kernel import Trees, rows_kernel
 from planner.prover.numpy_search import search
+from planner.prover.problem import PAIR, SHARES, Chain, Found, Near, Outcome, PlacedShapes
 from planner.trajectory import Trajectory
 
 INSTANTS = 17

@@ -32,9 +32,10 @@ from planner.collision.proof import (
     worst_at,
 )
 from planner.errors import MotionError
-from planner.prover.kernel import SHARES, BoxesFound, Outcome, Trees, rows_kernel
+from planner.prover.kernel import Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube, unproven_cells
 from planner.prover.numpy_search import laid_out
+from planner.prover.problem import SHARES, BoxesFound, Outcome
 
 MIN_CELLS = 4
 """Number of cells of a tube below which time is not split to find when contacts may happen."""

@@ -26,7 +26,7 @@ from planner.collision.proof import Arrangement, Motion
 from planner.collision.shape_pairs import ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
-from planner.prover.kernel import Chain
+from planner.prover.problem import Chain
 from planner.scene.bodies import Scene
 from planner.scene.contact import PartContact, part_contacts
 

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.hints import degrees_hint
-from baxter_kin.validation import FloatArray, expect, finite_array, float_array
+from baxter_kin.validation import FloatArray, expect, finite_array
 from planner.errors import MotionError, TrajectoryError
 from planner.motion.joint_profile import (
     ROUNDING,
@@ -185,7 +185,7 @@ def checked_start(
     return limits.check(given, what, clip_rad + ROUNDING_RAD)
 
 
-def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> FloatArray:
+def rest_to_rest_s(displacement: FloatArray, limits: JointLimits) -> FloatArray:
     """Durations of the fastest motions from rest to rest, shape (...,), s.
 
     Those of `plan_joint_move`, a hundred times faster and vectorised. One joint accelerates,
@@ -195,13 +195,10 @@ def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> FloatArray:
     3.4). The slowest joint determines the duration.
 
     Args:
-        displacement: of the joints, shape (..., n), rad, finite.
+        displacement: of the joints, shape (..., n), rad.
         limits: of those n joints.
     """
-    names = expect(limits, JointLimits, "limits", MotionError).names
-    way = np.abs(float_array(displacement, "displacement", MotionError))
-    if not way.ndim or way.shape[-1] != len(names) or not np.isfinite(way).all():
-        raise MotionError(f"a displacement is {len(names)} finite numbers, got shape {way.shape}")
+    way = np.abs(displacement)
     v, a, j = limits.v_max, limits.a_max, limits.j_max
     a_top = np.minimum(a, np.sqrt(v * j))  # what velocity leaves room for
     unlimited = 4.0 * np.cbrt(way / (2.0 * j))

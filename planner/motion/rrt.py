@@ -24,12 +24,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import MissingLibraryError
-from baxter_kin.validation import FloatArray, expect, positive_scalar
+from baxter_kin.validation import FloatArray
 from planner.collision.context import IsFree
 from planner.errors import MotionError
 
@@ -60,8 +59,8 @@ _ONE_AT_A_TIME = threading.RLock()
 
 
 def search_corners(
-    q_start: ArrayLike,
-    q_goal: ArrayLike,
+    q_start: FloatArray,
+    q_goal: FloatArray,
     limits: JointLimits,
     is_free: IsFree,
     *,
@@ -77,20 +76,16 @@ def search_corners(
         limits: of those n joints; their positions bound the search.
         is_free: whether a configuration is free. An exception that it raises ends the search.
         rng: seeds the search; the same numbers find the same corners, unless the time expires.
-        timeout_s: maximum duration of the search.
-        step_rad: distance between two samples, Euclidean in joint space.
+        timeout_s: maximum duration of the search, above zero.
+        step_rad: distance between two samples, Euclidean in joint space, above zero.
 
     Returns:
         Shape (m, n), rad, including start and goal; None when nothing was found in that time, or
         start or goal is not free.
     """
-    expect(limits, JointLimits, "limits", MotionError)
-    ends = limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")
-    ompl = _load()
-    deadline_s = time.monotonic() + positive_scalar(timeout_s, "timeout_s", MotionError)
-    fraction = _fraction(limits, positive_scalar(step_rad, "step_rad", MotionError))
-    seed = int(expect(rng, np.random.Generator, "rng", MotionError).integers(1, 2**31))
-    with _quiet_and_seeded(ompl, seed):
+    ompl, ends = _load(), (q_start, q_goal)
+    deadline_s, fraction = time.monotonic() + timeout_s, _fraction(limits, step_rad)
+    with _quiet_and_seeded(ompl, int(rng.integers(1, 2**31))):
         space = _space(ompl, limits, _until(deadline_s, is_free), fraction)
         path = _solution(ompl, space, ends, deadline_s)
     if path is None:

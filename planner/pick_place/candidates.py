@@ -1,4 +1,4 @@
-"""Candidates: which IK solutions at pick and place are tried, and in which order.
+"""Candidates: the IK solutions at pick and place that are tried, and their order.
 
 Samples of both solution sets are ranked by the durations of direct motions from rest to rest, in
 closed form: from the start to the pick, on to the place, and up from there. Failures exclude
@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from baxter_kin import IKService, JointLimits
 from baxter_kin.ik import sample_solutions
+from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, Indices, expect
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
@@ -34,7 +35,7 @@ in the angle of s0."""
 
 
 class CandidatePair(NamedTuple):
-    """A solution at the pick and one at the place, shape (7,) both, rad."""
+    """A solution at the pick and one at the place, each of shape (7,), rad."""
 
     q_pick: FloatArray
     q_place: FloatArray
@@ -146,7 +147,9 @@ def transfer_bound_s(
         RequestError: when `ik` is not an `IKService`.
         MotionError: when `limits` are of another class, or of another number of joints.
     """
-    expect(limits, JointLimits, "limits", MotionError)
+    joints = len(expect(limits, JointLimits, "limits", MotionError).names)
+    if joints != len(JOINTS):
+        raise MotionError(f"the limits are of {joints} joints; an arm has {len(JOINTS)}")
     picks, places = (
         sample_solutions(ik, T, turns=BOUND_TURNS) for T in (T_base_pick, T_base_place)
     )

@@ -125,7 +125,7 @@ class CycleSearch:
         """Raise an error when no solution at pick or place is free."""
         contexts, found = self._contexts, self._candidates
         refuse_blocked(
-            "pick: approach", self._request.q_start, contexts["pick: approach"], "where it stands"
+            "pick: approach", self._request.q_start, contexts["pick: approach"], "at its start"
         )
         self._picks = Solutions("pick: descend", found.picks, contexts["pick: descend"])
         self._picks.refuse_none_free()

@@ -1,6 +1,7 @@
-"""Phases of a pick and place: what stands where, what the hand holds, and what it may touch.
+"""Phases of a pick and place: the poses of bodies, what the hand holds, and what it may touch.
 
-They follow from the task and the scene alone, whichever way the arm takes, and are found once:
+They follow from the task and the scene alone, independently of the arm's path, and are derived
+once:
 
 ```
 label              stands still           in the hand         may come near, or touch
@@ -14,12 +15,12 @@ place: open        everything             -                   the pads their bod
 place: retract     everything             -                   the hand its body
 ```
 
-The fingers open as far as the stroke goes, or, where something stands in their way at the pick or
-at the place, as far as is free.
+The fingers open to the full stroke, or, where something blocks them at the pick or at the place, as
+far as is free.
 
-The hand and what it holds move the same way along a line whichever solution the arm takes. So what
-they collide with there among the bodies of the scene rules out every solution, and is checked once,
-when the first cycle fails (`refuse_blocked_hand`).
+The hand and the held body move along a line in the same way for all IK solutions. So a collision
+there with a body of the scene rules out every solution; it is checked once, when the first cycle
+fails (`refuse_blocked_hand`).
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ class Phases:
         closing: the fingers' travel at the pick.
         releasing: the fingers' travel at the place.
         contexts: the collision context of every move, by its label.
-        refusals: why the task is impossible although each pose is free: obstacles to the fingers at
-            any opening, or that the body would fall.
+        refusals: why the task is impossible although each pose is free: the fingers are blocked at
+            any opening, or the body would fall.
         taken: failure if another body stands at the place.
     """
 
@@ -98,8 +99,8 @@ class PhaseMaker:
     """Derives the phases of a task.
 
     Attributes:
-        request: the arm and its hand, all bodies before it, and the distance to keep.
-        task: what goes where.
+        request: the arm, the scene, and the required distance.
+        task: the task.
     """
 
     request: PlanRequest
@@ -108,8 +109,7 @@ class PhaseMaker:
     def made(self) -> Phases:
         """The phases.
 
-        Raises NoSolutionError when something stands on the body, it does not fit into the hand, or
-        it cannot be held.
+        Raises NoSolutionError when something stands on the body, or the hand cannot grasp it.
         """
         body, task = self.request.scene[self.task.body], self.task
         self._refuse_loaded(body)
@@ -296,7 +296,7 @@ class PhaseMaker:
             reason = (
                 f"{body.name} would not stand: {on} slopes by "
                 f"{math.degrees(landing.slope_rad):.1f} deg there, and at most "
-                f"{math.degrees(MAX_TILT_RAD):g} deg is taken for level"
+                f"{math.degrees(MAX_TILT_RAD):g} deg counts as level"
             )
         elif way is not None:
             beside_mm = 1e3 * float(np.linalg.norm(way))

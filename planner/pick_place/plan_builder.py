@@ -33,7 +33,7 @@ class NoSolutionError(Exception):
 
     @classmethod
     def at(cls, stage: str, reason: str, *, is_certain: bool = False) -> NoSolutionError:
-        """From a reason in words; `is_certain` if no other attempt is worthwhile."""
+        """The error for a reason; `is_certain` if no other attempt is worthwhile."""
         return cls(PlanFailure(stage, reason, is_certain=is_certain))
 
 
@@ -97,8 +97,8 @@ class PlanBuilder:
 
         Raises NoSolutionError when an end is blocked, or no motion is found.
         """
-        refuse_blocked(label, self.q, context, "where it stands")
-        refuse_blocked(label, q_goal, context, "where it shall go")
+        refuse_blocked(label, self.q, context, "at its start")
+        refuse_blocked(label, q_goal, context, "at its goal")
         motion = free_motion(label, (self.q, q_goal), self._manipulator, context)
         self.add_move(label, motion, context)
 
@@ -107,7 +107,7 @@ class PlanBuilder:
 
         Raises NoSolutionError when there is none, or it is not proven clear.
         """
-        refuse_blocked(label, self.q, context, "where it stands")
+        refuse_blocked(label, self.q, context, "at its start")
         arm, limits = self._manipulator.arm, self._manipulator.limits
         T_base_goal = raised(arm.T_base_tip(self.q), height_m)
         try:
@@ -222,7 +222,7 @@ def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: 
     near = context.clearance(q)
     reason = f"the arm is blocked {where}: {near.too_near(context.margin_m)}"
     if near.distance_m > 0.0 and {near.first, near.second} <= set(context.checker.shapes.links):
-        reason += "; the robot's own body cannot keep that there"
+        reason += "; the robot's own links cannot keep this margin there"
     raise NoSolutionError.at(label, reason, is_certain=True)
 
 

@@ -26,10 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.fields import evolve
-from baxter_kin.validation import expect
-from planner.errors import ResponseError, SceneError, TaskError
+from baxter_kin.validation import expect, expect_all
+from planner.clearance import checked_margin_m
+from planner.errors import MotionError, ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
-from planner.motion.joint_move import ROUNDING_RAD
+from planner.motion.joint_move import ROUNDING_RAD, checked_start
 from planner.motion.response import Response
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
@@ -70,9 +71,9 @@ def plan_pick_and_place(
         line_tolerance: maximum deviation of the tip from its straight lines, by which `verify`
             judges the plan: 0.1 mm and 0.02 deg by default.
         response: how a real arm follows its set-points. The plan is the same as for any other arm,
-            but is to be sent at the greatest speed, up to the response's, at which every path that
-            the joints may take is proven to keep the margin (`prove_tracking`); `Plan.response`
-            states it. The whole plan is sent at one speed.
+            but it states the greatest speed, up to the response's, at which every path that the
+            joints may take is proven to keep the margin (`prove_tracking`, `Plan.response`). The
+            whole plan is sent at one speed.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
@@ -84,7 +85,7 @@ def plan_pick_and_place(
 
     Raises:
         SceneError: when the body is not in the scene.
-        TaskError: when it cannot be moved.
+        TaskError: when the body cannot be moved, or an argument is of another class.
         ConfigurationError: when `q_start` is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
             `LineTolerance`.
@@ -93,11 +94,17 @@ def plan_pick_and_place(
     expect(task, PickAndPlace, "task", TaskError)
     if response is not None:
         expect(response, Response, "response", ResponseError)
-    manipulator, scene, q_start, held = _begun(manipulator, scene, q_start, held, state)
-    request = PlanRequest(
-        manipulator, scene, q_start, margin_m, held, line_tolerance, clip_start=clip_start
+    request = _requested(
+        manipulator,
+        scene,
+        q_start,
+        held,
+        state,
+        margin_m=margin_m,
+        line_tolerance=line_tolerance,
+        clip_start=clip_start,
     )
-    if not scene[task.body].is_movable:
+    if not request.scene[task.body].is_movable:
         raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
     for holding in request.held:
         if holding.body == task.body:
@@ -106,7 +113,7 @@ def plan_pick_and_place(
     plan = CycleSearch(request, task).shortest()
     if response is None:
         return plan
-    return planned_for(plan, response, manipulator, margin_m=request.margin_m)
+    return planned_for(plan, response, request.manipulator, margin_m=request.margin_m)
 
 
 def plan_start_move(
@@ -143,15 +150,22 @@ def plan_start_move(
         ConfigurationError: when a configuration is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative.
     """
-    manipulator, known, q_now, held = _begun(manipulator, scene, q_now, held, state)
-    request = PlanRequest(
-        manipulator, known, q_now, margin_m, held, q_name="q_now", clip_start=clip_start
+    request = _requested(
+        manipulator,
+        scene,
+        q_now,
+        held,
+        state,
+        margin_m=margin_m,
+        q_name="q_now",
+        clip_start=clip_start,
     )
+    manipulator = request.manipulator
     q_goal = np.zeros(7) if q_start is None else q_start
     goal = manipulator.arm.limits.check(q_goal, "q_start", ROUNDING_RAD)
 
     def add_steps(builder: PlanBuilder) -> None:
-        context = manipulator.context(known, margin_m=request.margin_m)
+        context = manipulator.context(request.scene, margin_m=request.margin_m)
         builder.add_free_move("move to start", goal, context)
         builder.add_open("open", manipulator.hand.stroke_m)
 
@@ -199,40 +213,71 @@ def plan_retract(
         TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
         MotionError: when the margin is not a number, or negative, or a tolerance of another class.
     """
-    manipulator, known, q_now, held = _begun(manipulator, scene, q_now, held, state)
-    request = PlanRequest(
-        manipulator, known, q_now, margin_m, held, line_tolerance, "q_now", clip_start
+    request = _requested(
+        manipulator,
+        scene,
+        q_now,
+        held,
+        state,
+        margin_m=margin_m,
+        line_tolerance=line_tolerance,
+        q_name="q_now",
+        clip_start=clip_start,
     )
     rise_m = checked_height_m(height_m, "height_m", TaskError)
-    opening_m = manipulator.hand.stroke_m
+    opening_m = request.manipulator.hand.stroke_m
 
     def add_steps(builder: PlanBuilder) -> None:
         builder.add_open("open", opening_m)
-        context = manipulator.context(known, finger_m=opening_m, margin_m=request.margin_m)
+        context = request.manipulator.context(
+            request.scene, finger_m=opening_m, margin_m=request.margin_m
+        )
         builder.add_rise("retract", rise_m, context)
 
     return _built(request, add_steps)
 
 
-def _begun(
+def _requested(
     manipulator: Manipulator,
     scene: Scene | None,
-    q: ArrayLike | None,
+    q: Any,
     held: Sequence[Attachment],
     state: State | None,
-) -> tuple[Manipulator, Scene, Any, Sequence[Attachment]]:
-    """Manipulator, bodies, initial configuration and held bodies; from the state if given."""
+    *,
+    margin_m: float,
+    line_tolerance: LineTolerance = STRICT,
+    q_name: str = "q_start",
+    clip_start: bool,
+) -> PlanRequest:
+    """Check the arguments that all planning functions share.
+
+    A state stands for scene, configuration `q` and held bodies, and for the manipulator's
+    `q_others`. `q_name` is the name of `q` in messages.
+    """
     expect(manipulator, Manipulator, "manipulator", TaskError)
-    if state is None:
-        if scene is None and q is None:
-            raise TaskError("give the scene and where the arm stands, or state=")
-        return manipulator, expect(scene, Scene, "scene", SceneError), q, held
-    expect(state, State, "state", TaskError)
-    if scene is not None or q is not None or held:
-        raise TaskError("give state= alone, or the scene, where the arm stands and what is held")
-    others = manipulator.robot.configuration(dict(state.joints))
-    there = evolve(manipulator, q_others=others)
-    return there, state.scene, state.q(manipulator.arm.joint_names), state.attachments
+    attachments = expect_all(held, Attachment, "what the hands hold", TaskError)
+    if state is not None:
+        expect(state, State, "state", TaskError)
+        if scene is not None or q is not None or attachments:
+            raise TaskError("give state= alone, or the scene, the arm's position and `held`")
+        others = manipulator.robot.configuration(dict(state.joints))
+        manipulator = evolve(manipulator, q_others=others)
+        scene, q = state.scene, state.q(manipulator.arm.joint_names)
+        attachments = state.attachments
+    elif scene is None and q is None:
+        raise TaskError("give the scene and the arm's position, or state=")
+    bodies = expect(scene, Scene, "scene", SceneError)
+    expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
+    arm = manipulator.arm
+    for holding in attachments:
+        if holding.side == arm.side:
+            raise TaskError(
+                f"the {holding.side} hand holds {holding.body!r}; it must be empty at first: open "
+                "it first"
+            )
+    q_start = checked_start(q, arm.limits, q_name, clip_start=clip_start)
+    margin_m = checked_margin_m(margin_m)
+    return PlanRequest(manipulator, bodies, q_start, margin_m, attachments, line_tolerance)
 
 
 def _built(request: PlanRequest, add_steps: Callable[[PlanBuilder], None]) -> Plan:

@@ -1,4 +1,4 @@
-"""PickAndPlace, what goes where; PlanRequest, the arm, the scene and what a plan must keep.
+"""PickAndPlace, the task; PlanRequest, the arm, the scene and the requirements of a plan.
 
 ```
 pick    open - approach - descend - close - retract
@@ -8,24 +8,19 @@ place   approach - descend - open - retract
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
-from dataclasses import InitVar, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from baxter_kin.display import phrase, position
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import field, frozen
 from baxter_kin.frames import checked_pose, raised
 from baxter_kin.hints import millimetres_hint
-from baxter_kin.validation import FloatArray, expect, expect_all, positive_scalar
-from planner.clearance import checked_margin_m
-from planner.errors import MotionError, SceneError, TaskError
+from baxter_kin.validation import FloatArray, positive_scalar
+from planner.errors import TaskError
 from planner.manipulator import Manipulator
-from planner.motion.joint_move import checked_start
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
@@ -115,42 +110,21 @@ class PickAndPlace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRequest:
-    """The arm, its surroundings, and the requirements of a plan.
+    """The arm, its surroundings, and the requirements of a plan; the planning functions check them.
 
     Attributes:
         manipulator: the arm and its hand, which is empty.
         scene: all bodies.
-        q_given: initial configuration of the arm, shape (7,), rad; `q_start` once checked.
+        q_start: initial configuration of the arm, within its limits, shape (7,), rad.
         margin_m: distance that everything keeps at all times, except for intended contacts, the
             hand from what it grasps, and links up to two joints apart.
         held: what the other hand holds.
         line_tolerance: maximum deviation of the tip from its straight lines.
-        q_name: name of `q_start` in messages.
-        clip_start: whether a start up to 0.1 rad outside the limits is moved to them.
     """
 
     manipulator: Manipulator
     scene: Scene
-    q_given: InitVar[ArrayLike]
+    q_start: FloatArray
     margin_m: float = 0.0
-    held: Sequence[Attachment] = ()
+    held: tuple[Attachment, ...] = ()
     line_tolerance: LineTolerance = STRICT
-    q_name: InitVar[str] = "q_start"
-    clip_start: InitVar[bool] = False
-    q_start: FloatArray = dataclasses.field(init=False)
-
-    def __post_init__(self, q_given: ArrayLike, q_name: str, clip_start: bool) -> None:
-        arm = expect(self.manipulator, Manipulator, "manipulator", TaskError).arm
-        expect(self.scene, Scene, "scene", SceneError)
-        expect(self.line_tolerance, LineTolerance, "line_tolerance", MotionError)
-        held = expect_all(self.held, Attachment, "what the hands hold", TaskError)
-        for holding in held:
-            if holding.side == arm.side:
-                raise TaskError(
-                    f"the {holding.side} hand holds {holding.body!r}; it must be empty to begin "
-                    "with: open it first"
-                )
-        q_start = checked_start(q_given, arm.limits, q_name, clip_start=clip_start)
-        object.__setattr__(self, "q_start", q_start)
-        object.__setattr__(self, "margin_m", checked_margin_m(self.margin_m))
-        object.__setattr__(self, "held", held)

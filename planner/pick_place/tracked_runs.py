@@ -24,7 +24,7 @@ from planner.trajectory import Trajectory, joined
 
 @frozen(error=TaskError, eq=True)
 class MoveTracking:
-    """What is proven of one move, wherever in its tube the joints are.
+    """The proof of one move, for all positions of the joints in its tube.
 
     Attributes:
         label: of the move.
@@ -102,8 +102,8 @@ def check_rests(steps: Sequence[Step]) -> None:
         if isinstance(step, Move) and not isinstance(after, Move) and not _rests(step):
             speed = float(np.abs(step.trajectory.v[-1]).max())
             raise TrajectoryError(
-                f"{step.label} ends at {speed:.3g} rad/s where the arm must rest: nothing is known "
-                "of where it goes then"
+                f"{step.label} ends at {speed:.3g} rad/s where the arm must rest, so its further "
+                "motion is unknown"
             )
 
 
@@ -142,7 +142,7 @@ class TrackedRun:
         return RunTubes(response, whole, tuple(several))
 
     def found(self, tracked: RunTubes, asked: TrackingDemands) -> Iterator[MoveTracking]:
-        """What is proven of each move."""
+        """The proof of each move."""
         for number, (move, (around, tubes)) in enumerate(
             zip(self._moves, self._tubes(tracked), strict=True)
         ):
@@ -204,7 +204,7 @@ class _TrackedMove:
         asked: TrackingDemands,
         known: tuple[float, float, float | None],
     ) -> MoveTracking:
-        """What is proven of it.
+        """The proof of the move.
 
         Args:
             around: the tube around all others.
@@ -267,7 +267,7 @@ def _corners_at_tip(context: CollisionContext, pairs: Indices) -> FloatArray:
 
 
 def _corners(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Of a box, shape (8, 3)."""
+    """Corners of a box, shape (8, 3)."""
     return np.array(list(product(*zip(low, high, strict=True))))
 
 

@@ -98,7 +98,7 @@ def prove_tracking(
         _amount(start_rad, "start_rad"),
     )
     if plan.failure is not None:
-        reason = f"the plan itself is not valid: {plan.failure}"
+        reason = f"the plan is not valid: {plan.failure}"
         return TrackingProof(response, (), *asked, np.zeros(7), None, reason)
     return _PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
 
@@ -106,7 +106,7 @@ def prove_tracking(
 def planned_for(
     plan: Plan, response: Response, manipulator: Manipulator, *, margin_m: float = 0.0
 ) -> Plan:
-    """A plan as it is to be sent to an arm of some response, so that it stays clear.
+    """A plan with the response and the speed at which it stays clear.
 
     Args:
         plan: as planned for an arm that follows exactly.
@@ -131,7 +131,7 @@ def planned_for(
 
 
 class _PlanTracking:
-    """A valid plan, and what can be proven of it for any response."""
+    """The tracking proofs of a valid plan, for any response."""
 
     def __init__(self, plan: Plan, manipulator: Manipulator | None, asked: TrackingDemands) -> None:
         """Derive the situations of its moves."""
@@ -142,7 +142,7 @@ class _PlanTracking:
         self._runs = tuple(runs_of(plan.moves, move_contexts(plan, arm)))
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
-        """What is proven of every move, and the greatest speed that passes."""
+        """The proofs of all moves, and the greatest speed that passes."""
         tracked = list(self._tracked(response))
         moves = [move for run, tubes in tracked for move in run.found(tubes, self._asked)]
         rates = np.max([np.zeros(7), *(tubes.whole.rates for _, tubes in tracked)], axis=0)
@@ -181,7 +181,7 @@ class _PlanTracking:
 
 def _advice(response: Response, speed: float | None) -> str:
     if speed is None:
-        return f"; no speed from {SPEED_STEP:g} on was found that would do"
+        return f"; no speed of at least {SPEED_STEP:g} was found that passes"
     return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"
 
 
@@ -189,7 +189,7 @@ def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
     difference = "" if plan.robot is None else manipulator.identity.difference(plan.robot)
     if difference:
         raise TaskError(
-            f"the plan is for another robot: {difference}; give the manipulator that it is for"
+            f"the plan is for another robot: {difference}; give the manipulator of that robot"
         )
 
 
@@ -265,7 +265,7 @@ def _move_line(move: MoveTracking) -> str:
         f"tip within {millimetres(move.tip_m)} of its path",
     ]
     if move.allowance_m:
-        parts.append(f"{millimetres(move.allowance_m)} where it touches on purpose")
+        parts.append(f"{millimetres(move.allowance_m)} in intended contacts")
     if move.settled_tip_m is not None:
         parts.append(f"{millimetres(move.settled_tip_m)} from its goal when settled")
     return f"  {move.label}: {', '.join(parts)}"

@@ -11,11 +11,11 @@
 enum { SEPARATED, BOX_CUT_FIRST, BOX_CUT_SECOND, BOX_CUT_TIME, BOX_CUT_JOINT };
 enum { JOINTS = 7, SPANS = JOINTS * (JOINTS + 1) / 2, CORNERS = 1 << JOINTS, MAX_BOXES = 60000, LOOKS = 9 };
 
-static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost so much of what the box does */
-static const double OF_MOTION = 0.7;   /* time is halved where motion is so much of the widest joint */
+static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost this share of what the box costs */
+static const double OF_MOTION = 0.7;   /* time is halved where motion is this share of the widest joint */
 
 typedef struct {
-    int32_t instants, shortest;  /* shortest: spans of so few cells are marked when not separated */
+    int32_t instants, shortest;  /* spans of at most `shortest` cells are marked when not separated */
     const double *low, *high;    /* shape (instants, 7) */
 } Tube;
 
@@ -29,17 +29,17 @@ typedef struct {             /* one call */
     Search s;
     Tube tube;
     double times[2];             /* no time passes in a box */
-    Frame frames[2][SPANS];      /* in the middle of a box; in any place */
-    double sagging[JOINTS];      /* what each joint adds to the sag of the box at hand */
+    Frame frames[2][SPANS];      /* in the middle of a box; at any position */
+    double sagging[JOINTS];      /* the share of each joint in the sag of the current box */
     double turned[2][3][CORNERS], offset[2][CORNERS], least[CORNERS];
     uint8_t *is_open;
-    double *place;               /* where the nearest was met */
+    double *place;               /* position of the joints at the nearest pair */
 } Boxes;
 
-typedef struct {             /* what the corners of a box leave */
-    double kept;                 /* the least gap */
-    int corner;                  /* where; bit i is set where joint m + i is at its upper bound */
-    double slopes[JOINTS];       /* how much more is left at the upper bound of each joint, on average */
+typedef struct {             /* gaps at the corners of a box */
+    double kept;                 /* the smallest gap */
+    int corner;                  /* its corner; bit i is set where joint m + i is at its upper bound */
+    double slopes[JOINTS];       /* mean change of the gap from the lower to the upper bound of each joint */
 } Kept;
 
 static double asked_of_boxes(const Boxes *x) {
@@ -50,7 +50,7 @@ static void put_at(Boxes *x, int place, const double *q) {
     place_at(&x->s, q, x->s.frames + (size_t)x->s.spans * place);
 }
 
-/* What a tube allows between two instants. */
+/* The bounds of a tube between two instants. */
 static void hull(const Tube *tube, int first, int last, double *low, double *high) {
     for (int i = 0; i < JOINTS; i++) low[i] = INFINITY, high[i] = -INFINITY;
     for (int at = JOINTS * first; at <= JOINTS * last; at += JOINTS)
@@ -60,8 +60,8 @@ static void hull(const Tube *tube, int first, int last, double *low, double *hig
         }
 }
 
-/* How far the gap may sag between corners, the sum of rho w^2 / 8; and how far the first cluster may
-   move from the middle. */
+/* Maximum sag of the gap between corners, the sum of rho w^2 / 8; and maximum motion of the first
+   cluster from the middle. */
 static double sag_of_box(Boxes *x, const BoxTask *task, double *moved) {
     const Pair *pair = &x->s.pairs[task->pair];
     double rho = reach_of(&x->s, task->a) + fmax(fabs(pair->slides[0]), fabs(pair->slides[1])), sag = 0;
@@ -75,7 +75,7 @@ static double sag_of_box(Boxes *x, const BoxTask *task, double *moved) {
     return sag;
 }
 
-/* Turn a direction into the frames of the first cluster at all corners of a box; how many these are. */
+/* Turn a direction into the first cluster's frames at all corners of a box; returns their number. */
 static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int *side) {
     const Pair *pair = &x->s.pairs[task->pair];
     const Placed *placed = &x->s.placed[task->a.tree];
@@ -110,7 +110,7 @@ static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int *
     return count;
 }
 
-/* What a unit direction leaves at the corners of a box. */
+/* Gaps of a unit direction at the corners of a box. */
 static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
     const Search *s = &x->s;
     const Pair *pair = &s->pairs[task->pair];
@@ -131,7 +131,7 @@ static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
         double height = tree->x[p] * mean[0] + tree->y[p] * mean[1] + tree->z[p] * mean[2];
         if (height < lowest_of_all) lowest_of_all = height, best = p;
     }
-    for (int p = at; p < end; p++) { /* points that are lowest at no corner are left out */
+    for (int p = at; p < end; p++) { /* points that are not lowest at any corner are left out */
         double o[3] = {tree->x[p], tree->y[p], tree->z[p]};
         double from[3] = {o[0] - tree->x[best], o[1] - tree->y[best], o[2] - tree->z[best]}, above = dot(mean, from);
         if (p != best && above > 0 && above * above >= spread * dot(from, from)) continue;
@@ -154,7 +154,7 @@ static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
     return kept;
 }
 
-/* The distance of a whole pair at a place where the joints may be, taken over if it is the nearest. */
+/* The distance of a whole pair at a position of the joints; stored if it is the smallest. */
 static double measure_place(Boxes *x, int pair, const double *q, int at) {
     Search *s = &x->s;
     put_at(x, 1, q);
@@ -182,8 +182,8 @@ static int look_along(Boxes *x) {
     return PROVEN;
 }
 
-/* The part of a box that a tube allows at an instant, or the whole between neighbouring instants;
-   whether there is one. */
+/* The part of a box within a tube at an instant, or the whole between neighbouring instants;
+   returns whether it is not empty. */
 static int allowed_at(const Tube *tube, const BoxTask *task, int at, double *low, double *high) {
     int is_any = 1;
     memcpy(low, task->low, sizeof task->low);
@@ -196,7 +196,7 @@ static int allowed_at(const Tube *tube, const BoxTask *task, int at, double *low
     return is_any;
 }
 
-/* A corner of a box: of the joints between the frames of a pair; the others in the middle. */
+/* A corner of a box for the joints between the frames of a pair, with the others in the middle. */
 static void corner_of(const Pair *pair, int corner, const double *low, const double *high, double *q) {
     for (int i = 0; i < JOINTS; i++) {
         q[i] = 0.5 * (low[i] + high[i]);
@@ -204,8 +204,8 @@ static void corner_of(const Pair *pair, int corner, const double *low, const dou
     }
 }
 
-/* Whether it is the box that brings both clusters near, not that hulls are larger than what they
-   are hulls of; looked at in a place, where more than `loss` is at stake. */
+/* Whether the box brings both clusters near, and not the size of hulls compared with their content;
+   measured at a position if more than `loss` depends on it. */
 static int is_by_box(Boxes *x, const BoxTask *task, const double *q, double goal, double loss, const double *d) {
     Search *s = &x->s;
     if (is_leaf(s, task->a) && is_leaf(s, task->b)) return 1;
@@ -240,7 +240,7 @@ static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code)
         if (kept.kept <= goal) {
             Found f;
             copy(task->has_n ? task->n : n, f.d);
-            separated(s, &v, goal + 2 * moved, &f); /* more than that is not needed anywhere in the box */
+            separated(s, &v, goal + 2 * moved, &f); /* more is not needed anywhere in the box */
             length = norm(f.d);
             for (int i = 0; i < 3; i++) task->n[i] = f.d[i] / length;
             task->has_n = 1;
@@ -257,7 +257,7 @@ static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code)
                 int cells = task->last - task->first, at = (task->first + task->last) / 2;
                 if (cells <= x->tube.shortest) return memset(x->is_open + task->first, 1, cells), SEPARATED;
                 if (x->tube.shortest || !allowed_at(&x->tube, task, at, low, high)) return BOX_CUT_TIME;
-                corner_of(pair, kept.corner, low, high, q); /* how near is it really? */
+                corner_of(pair, kept.corner, low, high, q); /* measure the distance */
                 double distance = measure_place(x, task->pair, q, at);
                 if (distance <= s->step.margin) return *code = refuse(s, task->pair, at, distance, TOO_NEAR), NONE;
                 double motion = 0, widest = -1;
@@ -281,7 +281,7 @@ static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code)
     return SEPARATED;
 }
 
-/* Half of a task that is cut; whether anything is in it. */
+/* A half of a cut task; returns whether it is not empty. */
 static int half_box(const Boxes *x, const BoxTask *task, int letter, int side, BoxTask *half) {
     *half = *task;
     if (letter == BOX_CUT_FIRST) half->a = child(&x->s, task->a, side);

@@ -1,8 +1,8 @@
-"""Rows by a kernel in C, which `rows.c` describes; compiled once where a C compiler is found.
+"""Rows found by a kernel in C, which `rows.c` describes; compiled once where there is a compiler.
 
-`Kernel.search` works on arrays: where trees of clusters are, which pairs of them must keep apart
-while an arm moves. The planner proves motions by it. `Kernel.rows` finds the rows of one step of a
-certificate.
+`Kernel.search` works on arrays: where trees of clusters are, and which pairs of them must keep
+apart while an arm moves. The planner proves motions by it. `Kernel.rows` finds the rows of one step
+of a certificate.
 """
 
 from __future__ import annotations
@@ -10,12 +10,10 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,165 +22,36 @@ from numpy.typing import NDArray
 from baxter_kin.compilation.machine_code import built, key_of
 from planner.certificate.boxes import BoxTrace, Tube
 from planner.certificate.clusters import Clusters, Shape
-from planner.certificate.errors import NotCertifiedError
-from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.intervals import Array
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Step, Trace
+from planner.prover.problem import (
+    PAIR,
+    SPARE_M,
+    BoxesFound,
+    Chain,
+    Found,
+    Near,
+    NotShownError,
+    Outcome,
+    PlacedShapes,
+    Rows,
+)
 
 MAX_LETTERS = 1 << 19
-"""Of one step."""
+"""Maximum number of letters of one step."""
 
 MAX_BOXES = 40_000
-"""Letters of the search over one tube; most take some hundreds."""
-
-SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is asked for; the next where one cannot be shown."""
-
-SPARE_M = 1e-7
-"""By how much more than needed a row must conclude, so that the checker's rounding agrees."""
+"""Maximum number of letters of one tube; most take some hundreds."""
 
 SINGLE = 1.2e-7
-"""The same as a share of the size of what is placed: points are in single precision here."""
+"""Rounding of points, which are in single precision here, relative to the size of all trees."""
 
 _VERSION = 5
 
 MANY, CELLS = 512, 6 * 4**3
-"""Nodes of so many points have a list of them for so many cells of directions, as in `rows.c`."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """What leads the checker through one step.
-
-    Attributes:
-        trace: letters of all levels, and directions.
-        proven_m: what counted pairs keep at every instant, as the checker will find too; inf where
-            none counts.
-    """
-
-    trace: Trace
-    proven_m: float
-
-
-class Outcome(IntEnum):
-    """How a search ends, as `rows.c` numbers it."""
-
-    PROVEN = 0
-    TOO_NEAR = 1
-    NOT_SHOWN = 2
-    TOO_MUCH = 3
-
-
-class Near(NamedTuple):
-    """How near a pair comes.
-
-    Attributes:
-        pair: its number; -1 for none.
-        distance_m: infinite for none.
-        time_s: when.
-    """
-
-    pair: int
-    distance_m: float
-    time_s: float
-
-
-class NotShownError(NotCertifiedError):
-    """Rows do not show that all pairs keep what they must.
-
-    Attributes:
-        near: the pair, by its number in the step; None where there are too many rows.
-        step: the step; None likewise.
-    """
-
-    near: Near | None = None
-    step: Step | None = None
-
-    @classmethod
-    def of(cls, step: Step, near: Near) -> NotShownError:
-        """The error that names the pair that comes too near."""
-        first, second = step.pairs[near.pair].first.name, step.pairs[near.pair].second.name
-        distance_mm = round(1e3 * near.distance_m, 3) + 0.0
-        error = cls(
-            f"{step.label}: {first} and {second} come as near as {distance_mm:.3f} mm "
-            f"at {near.time_s:.4f} s"
-        )
-        error.near, error.step = near, step
-        return error
-
-
-class Chain(NamedTuple):
-    """A serial chain of n joints, each of which turns about the z axis of its frame.
-
-    Attributes:
-        R, p: poses of each joint at position 0 seen from the one before, the first from base,
-            shapes (n, 3, 3) and (n, 3).
-        offsets: lengths of p, shape (n,), m.
-    """
-
-    R: Array
-    p: Array
-    offsets: Array
-
-    @classmethod
-    def of(cls, robot: Robot) -> Chain:
-        """That of the arm that moves."""
-        R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
-        return cls(np.array(R), np.array(p), robot.offsets)
-
-    @property
-    def spans(self) -> Sequence[Pose]:
-        """The same poses, as the checker's code takes them."""
-        return [Pose(Interval(R), Interval(p)) for R, p in zip(self.R, self.p, strict=True)]
-
-    @classmethod
-    def of_poses(cls, T: Array) -> Chain:
-        """By the pose of each joint at position 0 seen from the one before, shape (n, 4, 4)."""
-        R, p = T[:, :3, :3], T[:, :3, 3]
-        return cls(R, p, np.linalg.norm(p, axis=1))
-
-
-class Found(NamedTuple):
-    """What a search found.
-
-    Attributes:
-        outcome: how it ended.
-        proven_m: what counted pairs keep at every instant where it is `PROVEN`, inf where none
-            counts.
-        nearest: the nearest that a counted pair was found.
-        stopped: the pair that is too near, or is not shown to be apart.
-        letters, directions, fine: as `planner.certificate.rows.Trace` has them.
-    """
-
-    outcome: Outcome
-    proven_m: float
-    nearest: Near
-    stopped: Near
-    letters: np.ndarray[Any, Any]
-    directions: np.ndarray[Any, Any]
-    fine: np.ndarray[Any, Any]
-
-
-class BoxesFound(NamedTuple):
-    """What a search over a tube found.
-
-    Attributes:
-        outcome: how it ended.
-        proven_m: what all pairs keep wherever the joints may be where it is `PROVEN`; inf where
-            there are none.
-        nearest: the nearest that a pair was found where the joints may be, and at which instant.
-        stopped: the pair that is too near, or is not shown to be apart, likewise.
-        q: where the joints were when the nearest was met, shape (7,), rad.
-        trace: letters and directions, as `planner.certificate.boxes` reads them.
-    """
-
-    outcome: Outcome
-    proven_m: float
-    nearest: Near
-    stopped: Near
-    q: Array
-    trace: BoxTrace
+"""Nodes of `MANY` points or more have lists of them for `CELLS` cells of directions (`rows.c`)."""
 
 
 class _Tree(ctypes.Structure):
@@ -224,7 +93,7 @@ class _Result(ctypes.Structure):
 
 
 class _LaidOut:
-    """The arrays of one tree."""
+    """The arrays of one tree, in the layout of `rows.c`."""
 
     def __init__(self, shape: Shape, lay_out: Any) -> None:
         nodes = shape.size
@@ -255,26 +124,17 @@ _PLACED = np.dtype(
     align=True,
 )
 
-PAIR = np.dtype(
-    [
-        *((name, np.int32) for name in ("first", "second", "k", "m", "is_counted")),
-        *((name, np.float64) for name in ("least", "begin", "end")),
-        ("slides", np.float64, 4),
-    ],
-    align=True,
-)
-
 SOURCES = ("rows.c", "boxes.c")
 
 _FAR_M = 1e8
-"""More than this stands for no distance at all."""
+"""Distances above this stand for none."""
 
 _TRIAL = "import ctypes, sys; sys.exit(ctypes.CDLL(sys.argv[1]).rows_version() != int(sys.argv[2]))"
 
 
 @cache
 def rows_kernel() -> Kernel | None:
-    """The kernel, compiled; None without a C compiler or when anything fails."""
+    """The compiled kernel; None without a C compiler or when compilation fails."""
     return built(_Source())
 
 
@@ -303,10 +163,14 @@ class _Source:
 
 
 class Kernel:
-    """The library, loaded."""
+    """The loaded library."""
 
     def __init__(self, library: str) -> None:
-        """Load it."""
+        """Load a shared library.
+
+        Raises:
+            OSError: when it is no kernel, or of another version.
+        """
         found = ctypes.CDLL(library)
         try:
             self._find, version = found.find_rows, found.rows_version()
@@ -319,7 +183,7 @@ class Kernel:
         self._trees: WeakKeyDictionary[Shape, _LaidOut] = WeakKeyDictionary()
 
     def tree(self, shape: Shape) -> _LaidOut:
-        """A shape as the kernel reads it, laid out once."""
+        """The arrays of a shape, laid out once."""
         known = self._trees.get(shape)
         if known is None:
             known = self._trees[shape] = _LaidOut(shape, self._lay_out)
@@ -335,15 +199,15 @@ class Kernel:
         margin_m: float = 0.0,
         share: float,
     ) -> Found:
-        """Rows that show that pairs of trees keep apart.
+        """Find rows that show that pairs of trees keep apart.
 
         Args:
             chain: the arm that moves.
             trees: all clusters.
             pairs: of type `PAIR`, shape (n,).
-            motion: of its n joints; or where they stand, shape (n,), rad, while some trees slide.
-            margin_m: what counted pairs must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            motion: of its n joints; or their position, shape (n,), rad, while some trees slide.
+            margin_m: clearance of counted pairs, where they need not keep more.
+            share: of the smallest distance found, what is to be proven as well.
         """
         none = np.zeros(1)
         own: tuple[Any, ...] = (none, motion, none, none, none, none)
@@ -398,24 +262,25 @@ class Kernel:
         margin_m: float = 0.0,
         share: float,
     ) -> BoxesFound:
-        """Rows that show that pairs of trees keep apart wherever joints may be.
+        """Find rows that show that pairs of trees keep apart at all positions in a tube.
 
         Args:
             chain: the arm that moves.
             trees: all clusters.
-            pairs: of type `PAIR`, shape (n,), all counted; their windows and needs are not used.
-            tube: where its joints may be.
-            margin_m: what all must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            pairs: of type `PAIR`, shape (n,), all counted; their windows and gaps are not used.
+            tube: bounds on its joints.
+            margin_m: clearance of all pairs.
+            share: of the smallest distance found, what is to be proven as well.
         """
         return self._in_tube(chain, trees, pairs, (tube, 0), (margin_m, share))[0]
 
     def unproven_cells(
         self, chain: Chain, trees: Trees, pairs: np.ndarray[Any, Any], tube: Tube, shortest: int
     ) -> NDArray[np.bool_]:
-        """In which cells of a tube some pair is not shown to be apart, shape (n,).
+        """Whether some pair is not shown to be apart in each cell of a tube, shape (n,).
 
-        Time is cut into spans of so many cells at the shortest. Arguments as for `search_tube`.
+        Time is not cut into spans shorter than `shortest` cells. Other arguments as for
+        `search_tube`.
         """
         found, is_open = self._in_tube(chain, trees, pairs, (tube, shortest), (0.0, 0.0))
         return is_open | (found.outcome != Outcome.PROVEN)
@@ -469,20 +334,23 @@ class Kernel:
     def rows(
         self, chain: Chain, trees: Trees, step: Step, *, margin_m: float = 0.0, share: float
     ) -> Rows:
-        """Rows of one step.
+        """Find the rows of one step.
 
         Args:
             chain: the arm that moves.
             trees: all clusters of the step.
-            step: what must keep apart.
-            margin_m: what counted pairs must keep, where they need not keep more.
-            share: how much of the least distance that is met shall be proven.
+            step: the step and its pairs.
+            margin_m: clearance of counted pairs, where they need not keep more.
+            share: of the smallest distance found, what is to be proven as well.
+
+        Raises:
+            NotShownError: when none are found.
         """
         motion = step.q if step.motion is None else step.motion
         pairs = trees.pairs(step)
         found = self.search(chain, trees, pairs, motion, margin_m=margin_m, share=share)
         if found.outcome == Outcome.TOO_MUCH:
-            raise NotShownError(f"{step.label}: it takes more rows than are checked")
+            raise NotShownError(f"{step.label}: it needs more rows than are checked")
         if found.outcome != Outcome.PROVEN:
             raise NotShownError.of(step, found.stopped)
         letters = found.letters.astype(np.intp)
@@ -500,32 +368,17 @@ def _ends(result: _Result, spare_m: float) -> tuple[float, Near, Near]:
     )
 
 
-class PlacedShapes(NamedTuple):
-    """Shapes where they are.
-
-    Attributes:
-        shapes: n of them.
-        R, p: their poses in the frames that carry them, shapes (n, 3, 3) and (n, 3).
-        thicker_m: by how much they count as thicker all around, shape (n,), m.
-    """
-
-    shapes: Sequence[Shape]
-    R: Array
-    p: Array
-    thicker_m: Array
-
-
 class Trees:
-    """Trees of clusters where they are, as the kernel reads them.
+    """Trees of clusters and their poses, in the layout of the kernel.
 
     Attributes:
         array: of all shapes.
-        placed: of the trees.
-        size_m: how far they reach from the frames that carry them.
+        placed: of all trees.
+        size_m: maximum distance of any point from the frame that carries it.
     """
 
     def __init__(self, kernel: Kernel, there: PlacedShapes) -> None:
-        """Lay out shapes that are not known yet."""
+        """Lay out shapes that were not laid out before."""
         shapes, R, p, thicker_m = there
         number = {shape: i for i, shape in enumerate(dict.fromkeys(shapes))}
         self._held = [kernel.tree(shape) for shape in number]
@@ -542,7 +395,7 @@ class Trees:
 
     @classmethod
     def of(cls, kernel: Kernel, clusters: Clusters) -> Trees:
-        """All clusters of a problem; what is added later is not among them."""
+        """All clusters of a problem so far."""
         placed = clusters.placed
         R = np.array([each.R for each in placed]).reshape(-1, 3, 3)
         p = np.array([each.p for each in placed]).reshape(-1, 3)
@@ -558,7 +411,7 @@ class Trees:
         return trees
 
     def pairs(self, step: Step) -> np.ndarray[Any, Any]:
-        """The pairs of a step."""
+        """The pairs of a step, of type `PAIR`."""
         found = np.zeros(len(step.pairs), PAIR)
         found[:] = [
             (

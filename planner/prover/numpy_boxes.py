@@ -1,13 +1,13 @@
-"""Rows over boxes of joint angles found in NumPy, where no C compiler is: slower, and less tight.
+"""Rows over boxes of joint angles found by NumPy, without a C compiler: slower and less tight.
 
 Each task is separated by the direction between the nearest points of both clusters in the middle of
-its box, found by the algorithm of Gilbert, Johnson and Keerthi; else a cluster or the box is cut.
+its box, found by the algorithm of Gilbert, Johnson and Keerthi. Otherwise a cluster or the box is
+cut.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,22 +27,23 @@ from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.intervals import Array
 from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Joints, Pair
-from planner.prover.kernel import SPARE_M, BoxesFound, Near, Outcome
 from planner.prover.numpy_search import MAX_ITERATIONS, least_norm_weights
+from planner.prover.problem import SPARE_M, BoxesFound, Near, Outcome
 
 MAX_BOXES, MAX_BOXES_OF_TRIALS = 20_000, 4_000
-"""Tasks of one tube; and where less may be asked for if they do not do."""
+"""Maximum number of tasks of one tube, and of an attempt at a margin of `MARGINS_M`."""
 
 MARGINS_M = (0.01, 2e-3)
-"""What is asked for, one after the other, as no distance is met; at last what must be kept."""
+"""Margins that are tried first, as no distance is found here; at last the required one."""
 
-OF_LOSS = 0.25
-"""A box is cut where clusters are apart in its middle by so much of what its width costs."""
+MIN_APART_SHARE = 0.25
+"""A box is cut where the distance in its middle exceeds this share of the loss due to its width."""
 
-OF_MOTION = 0.7
-"""Time is halved where motion is so much of the widest joint."""
+MIN_MOTION_SHARE = 0.7
+"""Time is halved where motion is at least this share of the widest joint."""
 
 MIN_WIDTH_RAD = 1e-7
+"""Intervals of a joint below this width are not cut."""
 
 _NONE = Near(-1, np.inf, 0.0)
 _NO_TRACE = BoxTrace(np.zeros(0, np.intp), np.zeros((0, 3)))
@@ -51,7 +52,7 @@ _NO_TRACE = BoxTrace(np.zeros(0, np.intp), np.zeros((0, 3)))
 def search_tube(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], tube: Tube, margin_m: float = 0.0
 ) -> BoxesFound:
-    """As `planner.prover.kernel.Kernel.search_tube` does; the nearest pair is not found."""
+    """Like `planner.prover.kernel.Kernel.search_tube`; the nearest pair is not found."""
     for asked_m in (m for m in MARGINS_M if m > margin_m):
         found = _Search(robot, clusters, pairs, tube, asked_m).run(MAX_BOXES_OF_TRIALS)
         if found.outcome == Outcome.PROVEN:
@@ -62,38 +63,47 @@ def search_tube(
 def unproven_cells(
     robot: Joints, clusters: Clusters, pairs: Sequence[Pair], tube: Tube, shortest: int
 ) -> NDArray[np.bool_]:
-    """As `planner.prover.kernel.Kernel.unproven_cells` does."""
-    search = _Search(robot, clusters, pairs, tube, 0.0, shortest)
+    """Like `planner.prover.kernel.Kernel.unproven_cells`."""
+    search = _Search(robot, clusters, pairs, tube, 0.0, shortest=shortest)
     is_proven = search.run(MAX_BOXES).outcome == Outcome.PROVEN
     return search.is_open | (not is_proven)
 
 
-@dataclass
 class _Search:
-    """Rows that keep a margin; or, where spans of few cells end it, those that do not."""
+    """A search for rows that keep a margin in a tube.
 
-    robot: Joints
-    clusters: Clusters
-    pairs: Sequence[Pair]
-    tube: Tube
-    margin_m: float
-    shortest: int = 0
+    Attributes:
+        is_open: cells in which some pair is not shown to keep the margin, shape (n,); found where
+            spans of few cells are not cut.
+    """
 
-    def __post_init__(self) -> None:
-        self.is_open = np.zeros(len(self.tube.low) - 1, np.bool_)
-        self._level = np.array([[p.second.level, p.first.level] for p in self.pairs], np.intp)
-        slides = [[p.first.slide_m[0], p.second.slide_m[0]] for p in self.pairs]
+    def __init__(
+        self,
+        robot: Joints,
+        clusters: Clusters,
+        pairs: Sequence[Pair],
+        tube: Tube,
+        margin_m: float,
+        *,
+        shortest: int = 0,
+    ) -> None:
+        """Prepare the search; spans of at most `shortest` cells are marked instead of cut."""
+        self._robot, self._clusters, self._pairs, self._tube = robot, clusters, pairs, tube
+        self._margin_m, self._shortest = margin_m, shortest
+        self.is_open = np.zeros(len(tube.low) - 1, np.bool_)
+        self._level = np.array([[p.second.level, p.first.level] for p in pairs], np.intp)
+        slides = [[p.first.slide_m[0], p.second.slide_m[0]] for p in pairs]
         self._slide = np.array(slides).reshape(-1, 2)
 
     def run(self, most: int) -> BoxesFound:
-        boxes, proven_m, traces, count = Boxes.of(self.pairs, self.tube), np.inf, [_NO_TRACE], 0
+        boxes, proven_m, traces, count = Boxes.of(self._pairs, self._tube), np.inf, [_NO_TRACE], 0
         while len(boxes):
             count += len(boxes)
             n, apart = self._directions(boxes)
-            gaps = box_gaps_m(self.robot, self.clusters, self.pairs, boxes, n)
+            gaps = box_gaps_m(self._robot, self._clusters, self._pairs, boxes, n)
             letters = self._letters(boxes, apart, gaps)
             is_apart = letters == SEPARATED
-            is_marked = is_apart & (gaps <= self.margin_m + SPARE_M)
+            is_marked = is_apart & (gaps <= self._margin_m + SPARE_M)
             for row in np.flatnonzero(is_marked).tolist():
                 self.is_open[boxes.start[row] : boxes.end[row]] = True
             proven_m = min(proven_m, float(gaps[is_apart].min(initial=np.inf)))
@@ -108,9 +118,9 @@ class _Search:
                 q = 0.5 * (boxes.low[worst] + boxes.high[worst])
                 return BoxesFound(Outcome.NOT_SHOWN, 0.0, _NONE, near, q, _NO_TRACE)
             at_cut = np.flatnonzero(~is_apart)
-            boxes = boxes.only(at_cut).halves(letters[at_cut], self.clusters, self.tube)
+            boxes = boxes.only(at_cut).halves(letters[at_cut], self._clusters, self._tube)
             spans = zip(boxes.start.tolist(), boxes.end.tolist(), strict=True)
-            if self.shortest:
+            if self._shortest:
                 boxes = boxes.only([not self.is_open[a:b].all() for a, b in spans])
         columns = ([getattr(trace, c) for trace in traces] for c in ("letters", "directions"))
         trace = BoxTrace(*(np.concatenate(column) for column in columns))
@@ -118,46 +128,48 @@ class _Search:
         return BoxesFound(Outcome.PROVEN, proven_m - SPARE_M, _NONE, _NONE, q, trace)
 
     def _letters(self, boxes: Boxes, apart: Array, gaps: Array) -> Nodes:
-        need_m = self.margin_m + SPARE_M
+        need_m = self._margin_m + SPARE_M
         letters = np.full(len(boxes), SEPARATED, np.intp)
         at = np.flatnonzero(gaps <= need_m)
         open_ = boxes.only(at)
         first, second = (
-            np.where(self.clusters.children(x)[:, 0] == LEAF, 0.0, self.clusters.extents_m(x))
+            np.where(self._clusters.children(x)[:, 0] == LEAF, 0.0, self._clusters.extents_m(x))
             for x in (open_.first, open_.second)
         )
         loss = apart[at] - gaps[at]
         is_by_box = (first == 0.0) & (second == 0.0)
-        is_by_box |= (apart[at] - need_m > OF_LOSS * loss) | (loss > np.maximum(first, second))
+        is_by_box |= (apart[at] - need_m > MIN_APART_SHARE * loss) | (
+            loss > np.maximum(first, second)
+        )
         chosen = np.where(first >= second, CUT_FIRST, CUT_SECOND)
         chosen[is_by_box] = self._halved(open_)[is_by_box]
-        is_marked = is_by_box & (open_.end - open_.start <= self.shortest)
+        is_marked = is_by_box & (open_.end - open_.start <= self._shortest)
         letters[at] = np.where(is_marked, SEPARATED, chosen)
         return letters
 
     def _halved(self, boxes: Boxes) -> Nodes:
-        """Whether time is cut, or which joint."""
-        level, rho = self._level[boxes.pair], self.clusters.reaches_m(boxes.first)
+        """Letters that cut time or the interval of a joint."""
+        level, rho = self._level[boxes.pair], self._clusters.reaches_m(boxes.first)
         reach = np.zeros((len(boxes), ARM_JOINTS))
         for joint in range(ARM_JOINTS - 1, -1, -1):
             counts = (level[:, 0] <= joint) & (joint < level[:, 1])
             reach[:, joint] = np.where(counts, rho, 0.0)
-            rho = np.where(counts, rho + self.robot.offsets[joint], rho)
+            rho = np.where(counts, rho + self._robot.offsets[joint], rho)
         middle = (boxes.start + boxes.end) // 2
-        still = np.minimum(boxes.high, self.tube.high[middle])
-        still = (still - np.maximum(boxes.low, self.tube.low[middle])).clip(0.0)
+        still = np.minimum(boxes.high, self._tube.high[middle])
+        still = (still - np.maximum(boxes.low, self._tube.low[middle])).clip(0.0)
         widths = boxes.high - boxes.low
         motion = (reach * (widths - still).clip(0.0)).sum(axis=1)
         widest = (reach * widths).max(axis=1, initial=0.0)
-        is_in_time = (motion >= OF_MOTION * widest) | (self.shortest > 0)
+        is_in_time = (motion >= MIN_MOTION_SHARE * widest) | (self._shortest > 0)
         is_in_time &= boxes.end - boxes.start > 1
         found: Nodes = np.where(is_in_time, CUT_TIME, CUT_JOINT + (reach * widths).argmax(axis=1))
         return found
 
     def _directions(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Directions that leave much in the middles of boxes, of length 1, and how much."""
+        """Unit directions with a large gap in the middles of boxes, and these gaps, m."""
         R, p = self._frames(boxes)
-        middles = [self.clusters.middles(nodes) for nodes in (boxes.first, boxes.second)]
+        middles = [self._clusters.middles(nodes) for nodes in (boxes.first, boxes.second)]
         v = np.einsum("kij,kj->ki", R, middles[0]) + p - middles[1]
         v[np.linalg.norm(v, axis=1) < 1e-9] = [0.0, 0.0, 1.0]
         count = len(boxes)
@@ -185,19 +197,19 @@ class _Search:
         return best, apart
 
     def _difference(self, boxes: Boxes, d: Array, R: Array, p: Array) -> Array:
-        """The point of the difference of both clusters that is lowest along directions."""
+        """Points of the difference of both clusters that are lowest along directions."""
         y, slide = np.eye(3)[1], self._slide[boxes.pair]
         own = np.einsum("kij,ki->kj", R, d)
-        first = self.clusters.lowest_points(boxes.first, own) + slide[:, :1] * y
-        second = self.clusters.lowest_points(boxes.second, -d) + slide[:, 1:] * y
+        first = self._clusters.lowest_points(boxes.first, own) + slide[:, :1] * y
+        second = self._clusters.lowest_points(boxes.second, -d) + slide[:, 1:] * y
         found: Array = np.einsum("kij,kj->ki", R, first) + p - second
         return found
 
     def _frames(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Poses of the frames of the first clusters seen from the second's, in the middles."""
+        """Poses of the first clusters' frames seen from the second's, in the middles of boxes."""
         q, level = 0.5 * (boxes.low + boxes.high), self._level[boxes.pair]
         R, p = np.tile(np.eye(3), (len(boxes), 1, 1)), np.zeros((len(boxes), 3))
-        for joint, span in enumerate(self.robot.spans):
+        for joint, span in enumerate(self._robot.spans):
             counts = ((level[:, 0] <= joint) & (joint < level[:, 1]))[:, None]
             turn = np.tile(np.eye(3), (len(boxes), 1, 1))
             c, s = np.cos(q[:, joint]), np.sin(q[:, joint])

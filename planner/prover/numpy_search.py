@@ -1,8 +1,8 @@
-"""Rows found in NumPy, where no C compiler is: the same rows, a hundred times as slow.
+"""Rows found by NumPy, without a C compiler: the same rows, a hundred times slower.
 
-Tasks (two clusters and a cell of time) are separated by the line between their middles, or by a
-direction found by the algorithm of Gilbert, Johnson and Keerthi on what both ends of the cell sweep
-out; else the larger cluster is cut, or the cell of time.
+A task (two clusters and a cell of time) is separated by the line between their middles, or by a
+direction found by the algorithm of Gilbert, Johnson and Keerthi for the volume between both ends of
+the cell. Otherwise the larger cluster is cut, or the cell of time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from planner.certificate.rows import (
     Tasks,
     Trace,
 )
-from planner.prover.kernel import (
+from planner.prover.problem import (
     SPARE_M,
     Chain,
     Found,
@@ -45,10 +45,10 @@ from planner.prover.kernel import (
 )
 
 MIN_CELL_S = 2e-5
-"""Cells of time are not cut below this."""
+"""Shorter cells of time are not cut."""
 
 SCALE, FINE_SCALE = 127.0, 32767.0
-"""Directions are whole numbers of at most this."""
+"""Directions are integers up to this."""
 
 MAX_ITERATIONS = 25
 
@@ -58,13 +58,16 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def rows_of(robot: Joints, clusters: Clusters, step: Step, margin_m: float) -> Rows:
-    """Rows of one step.
+    """Find the rows of one step.
 
     Args:
-        robot: whose arm moves.
+        robot: the arm that moves.
         clusters: all clusters of the step.
-        step: what must keep apart.
-        margin_m: what counted pairs must keep, where they need not keep more.
+        step: the step and its pairs.
+        margin_m: clearance of counted pairs, where they need not keep more.
+
+    Raises:
+        NotShownError: when none are found.
     """
     pairs = [
         replace(pair, least_m=max(pair.least_m, margin_m)) if pair.is_counted else pair
@@ -93,10 +96,7 @@ def search(
     *,
     margin_m: float = 0.0,
 ) -> Found:
-    """The same for arrays, as `planner.prover.kernel.Kernel.search` takes them.
-
-    The nearest pair is not found.
-    """
+    """Like `planner.prover.kernel.Kernel.search`; the nearest pair is not found."""
     clusters, steps = laid_out(there, pairs)
     of_arm = motion if isinstance(motion, Polynomials) else None
     q = motion.start[0] if isinstance(motion, Polynomials) else motion
@@ -112,7 +112,7 @@ def search(
 
 
 def laid_out(there: PlacedShapes, pairs: np.ndarray[Any, Any]) -> tuple[Clusters, Sequence[Pair]]:
-    """Shapes and pairs of type `PAIR` as the checker's code takes them."""
+    """Shapes and pairs of type `PAIR` in the form of the checker's code."""
     clusters, found = Clusters(), []
     roots = [
         clusters.add(
@@ -129,14 +129,14 @@ def laid_out(there: PlacedShapes, pairs: np.ndarray[Any, Any]) -> tuple[Clusters
 
 @dataclass
 class _Level:
-    """All open tasks of one level."""
+    """The search for directions for all open tasks of one level."""
 
     judge: Judge
     clusters: Clusters
     tasks: Tasks
 
     def search(self) -> tuple[Nodes, Array]:
-        """A letter for each task, and a direction for those that need one."""
+        """A letter for each task, and a direction where the letter needs one."""
         tasks = self.tasks
         letters = np.full(len(tasks), -1, np.intp)
         n = np.zeros((len(tasks), 3))
@@ -193,7 +193,7 @@ class _Level:
         self._cut(tasks, open_, letters, reach, sweep)
 
     def _by_axes(self, tasks: Tasks, open_: Nodes, letters: Nodes, n: Array) -> None:
-        """Where things touch on purpose, the axes of both shapes separate them best."""
+        """Try the axes of both shapes, which separate intended contacts best."""
         may_touch = self.judge.least_m[tasks.pair] <= 0.0
         at = np.flatnonzero((letters[open_] < 0) & may_touch & (self.judge.sag_m(tasks) < 2e-3))
         if not len(at):
@@ -219,7 +219,7 @@ class _Level:
         n[open_[at[is_good]]] = chosen[is_good]
 
     def _finely(self, v: Array, open_: Nodes, letters: Nodes, n: Array) -> None:
-        """Wide things near to each other need directions of greater numbers."""
+        """Try finer directions, which large clusters near each other need."""
         at = np.flatnonzero((letters[open_] < 0) & (np.abs(v).max(axis=1) > 0.0))
         fine = np.rint(FINE_SCALE * v[at] / np.abs(v[at]).max(axis=1, keepdims=True))
         is_good = self._spare_m(self.tasks.only(open_[at]), fine) > 0.0
@@ -227,7 +227,7 @@ class _Level:
         n[open_[at[is_good]]] = fine[is_good]
 
     def _cut(self, tasks: Tasks, open_: Nodes, letters: Nodes, reach: Array, sweep: Array) -> None:
-        """Cut what promises most: the time where much is swept, else the larger cluster."""
+        """Cut the time where the swept volume is large, otherwise the larger cluster."""
         at = np.flatnonzero(letters[open_] < 0)
         if not len(at):
             return
@@ -251,11 +251,11 @@ class _Level:
 
 
 def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
-    """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
+    """Weights of the points of smallest norm of simplices, shape (n, 4); 0 for unused corners.
 
     Args:
         simplices: four corners each, shape (n, 4, 3).
-        used: which of the corners count, shape (n, 4).
+        used: whether each corner counts, shape (n, 4).
     """
     best, weights = np.full(len(simplices), np.inf), np.zeros((len(simplices), 4))
     for subset in _SUBSETS:

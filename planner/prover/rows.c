@@ -2,8 +2,8 @@
 
    A task is a pair of clusters and a cell of time. It is separated by a direction, fixed in the
    frame that carries the second cluster, when the gap that the direction leaves at both ends of
-   the cell, less the sag M h^2 / 8 + S h / 4 in between, is above what the pair must keep; else a
-   cluster or the cell is cut. Tasks are handled level by level, in the order in which the checker reads them.
+   the cell, less the sag M h^2 / 8 + S h / 4 in between, is above the minimum gap of the pair.
+   Otherwise a cluster or the cell is cut. Tasks are handled level by level, in the checker's order.
 
    Computed in doubles, without bounds on rounding: nothing of it is trusted, the checker decides.
    Each call has its own memory, so any number of threads may search. */
@@ -20,9 +20,9 @@ enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
 
 enum {
     MAX_JOINTS = 21,   /* of a chain: along one arm, back, and along the other */
-    LANES = 8,          /* points of a cluster that are handled at once */
+    LANES = 8,          /* points of a cluster that are computed at once */
     TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
-    MANY = 512,         /* a node of so many points has a list of them for each cell of directions */
+    MANY = 512,         /* nodes of so many points or more have lists of them by cells of directions */
     MAX_LISTED = 4096, /* points of such a node */
     HALVINGS = 3,       /* of each face of a cube of directions, in both ways */
     CELLS = 6 << (2 * HALVINGS),
@@ -35,9 +35,9 @@ enum {
 static const double FAR = 1e9;
 static const double MIN_CELL_S = 2e-5;   /* cells of time are not cut below */
 static const double MIN_TRAVEL = 0.02; /* the same as a share of a travel of fingers */
-static const double APART_M = 3e-4;      /* so much apart in the middle of a cell: the cell is cut */
-static const double LARGE_SAG = 4.0;     /* so many times larger than the clusters: likewise */
-static const double MIN_SAG_M = 1e-5;  /* below, clusters are cut first */
+static const double APART_M = 3e-4;      /* farther apart in the middle of a cell: the cell is cut */
+static const double LARGE_SAG = 4.0;     /* a sag so many times larger than the clusters: likewise */
+static const double MIN_SAG_M = 1e-5;  /* below this sag, clusters are cut first */
 static const double TOUCHING_SAG_M = 2e-3;
 static const double CONVERGED = 1e-2;
 
@@ -45,10 +45,10 @@ typedef struct {             /* a tree of clusters in a frame of its own */
     const float *x, *y, *z;  /* points of all nodes, one after the other */
     int32_t *first;          /* of each node */
     const int32_t *count, *children;
-    float *low, *high, *reach; /* its box, and how far its points are from the origin */
+    float *low, *high, *reach; /* its box, and the distance of its points from the origin */
     int32_t *lists;          /* of each node: where its lists begin in `begins`; -1 if it has none */
     int32_t *begins;         /* where the list of a cell of directions begins in `listed` */
-    uint16_t *listed;        /* points that may be the lowest along a direction of the cell */
+    uint16_t *listed;        /* points that may be lowest along a direction of the cell */
 } Tree;
 
 typedef struct {             /* a tree in the frame of the joint that carries it */
@@ -59,8 +59,8 @@ typedef struct {             /* a tree in the frame of the joint that carries it
 
 typedef struct {
     int32_t first, second;   /* which of the placed trees */
-    int32_t k, m;            /* the joints that carry them, k >= m; 0 for what the chain stands on */
-    int32_t is_counted;      /* whether it counts for the least distance */
+    int32_t k, m;            /* the joints that carry them, k >= m; 0 for the base of the chain */
+    int32_t is_counted;      /* whether it counts for the smallest distance */
     double least, begin, end;
     double slides[4];        /* of the first at the start and at the end, then of the second */
 } Pair;
@@ -68,19 +68,19 @@ typedef struct {
 typedef struct {
     int32_t joints, pairs, pieces, orders, kinks;
     double duration, slack, spare;
-    double margin, share;    /* counted pairs keep the margin, and a share of the least distance */
+    double margin, share;    /* counted pairs keep the margin, and a share of the smallest distance */
     const double *t;            /* of the knots */
-    const double *derivatives;  /* `orders` of each piece, position first; where the arm stands if no piece */
+    const double *derivatives;  /* `orders` of each piece, position first; the arm's position if no piece */
     const double *v_peak, *a_peak;
-    const double *kinks_s, *jumps; /* where the velocity jumps, and by how much */
+    const double *kinks_s, *jumps; /* times and sizes of the jumps of velocity */
     const double *spans_R, *spans_p, *offsets;
 } Step;
 
 typedef struct {
     int64_t tasks, directions, fine_directions;
-    double nearest, nearest_s; /* the least distance met of counted pairs */
-    double proven;             /* what all rows of counted pairs conclude at least */
-    double found, found_s;     /* why not: the distance, and when */
+    double nearest, nearest_s; /* the smallest distance found of counted pairs */
+    double proven;             /* the smallest conclusion of all rows of counted pairs */
+    double found, found_s;     /* of a refusal: the distance, and the time */
     int32_t nearest_pair, found_pair;
 } Result;
 
@@ -96,7 +96,7 @@ typedef struct {             /* one call */
     const Pair *pairs;
     Step step;
     Result *result;
-    int spans;               /* how many frames are seen from others by some pair */
+    int spans;               /* number of frames seen from others by some pair */
     int16_t span[MAX_JOINTS][MAX_JOINTS + 1]; /* the number of frame k seen from m < k; -1 for none */
     int8_t farthest[MAX_JOINTS], nearest[MAX_JOINTS + 1]; /* the last k for m, and the first m for k */
     double *times;           /* of instants */
@@ -113,7 +113,7 @@ static inline double dot(const double *a, const double *b) { return a[0] * b[0] 
 static inline double norm(const double *a) { return sqrt(dot(a, a)); }
 static inline void copy(const double *from, double *to) { memcpy(to, from, 3 * sizeof(double)); }
 
-/* The nearest whole number; calls no library, as `rint` does without SSE4. */
+/* The nearest integer, without the library call that `rint` is without SSE4. */
 static inline double rounded(double x) { return (double)(int)(x < 0 ? x - 0.5 : x + 0.5); }
 
 static inline void turned(const double *R, const double *x, double *y) {
@@ -129,9 +129,9 @@ static inline void product(const double *A, const double *B, double *C) {
         for (int c = 0; c < 3; c++) C[3 * r + c] = A[3 * r] * B[c] + A[3 * r + 1] * B[3 + c] + A[3 * r + 2] * B[6 + c];
 }
 
-/* ---- where joints are, and what may happen in a cell; both kept by their times */
+/* ---- poses of joints, and sags of cells; both stored by their times */
 
-/* Number the frames that pairs are seen in. */
+/* Number the frames that pairs need. */
 static void number_spans(Search *s) {
     memset(s->span, 255, sizeof s->span);
     for (int m = 0; m < MAX_JOINTS; m++) s->farthest[m] = (int8_t)m, s->nearest[m + 1] = (int8_t)(m + 1);
@@ -149,7 +149,7 @@ static inline const Frame *frame_of(const Search *s, const Pair *pair, int at) {
     return s->frames + (size_t)s->spans * at + s->span[pair->m][pair->k];
 }
 
-/* How many of the first `count` of some increasing times are at most t. */
+/* How many of the first `count` increasing times are at most t. */
 static int until(const double *times, int count, double t) {
     int low = 0, high = count;
     while (low < high) {
@@ -159,7 +159,7 @@ static int until(const double *times, int count, double t) {
     return low;
 }
 
-/* The piece of an instant. */
+/* The piece of the motion at an instant. */
 static int piece_of(const Step *s, double t) {
     int number = until(s->t, s->pieces, t) - 1;
     return number < 0 ? 0 : number;
@@ -180,7 +180,7 @@ static void configuration(const Step *s, double t, double *q) {
     }
 }
 
-/* Where a cell is cut: at the kink inside that is nearest to its middle; else there. */
+/* Where a cell is cut: at the kink inside that is nearest to its middle, or there. */
 static double cut_of(const Step *s, double start, double end) {
     double middle = 0.5 * (start + end);
     int first = until(s->kinks_s, s->kinks, start), after = until(s->kinks_s, s->kinks, middle);
@@ -191,7 +191,7 @@ static double cut_of(const Step *s, double start, double end) {
     return has_before ? s->kinks_s[after - 1] : has_after ? s->kinks_s[after] : middle;
 }
 
-/* All frames that are wanted of joints at q. */
+/* All frames that pairs need, with the joints at q. */
 static void place_at(const Search *s, const double *q, Frame *frames) {
     const Step *step = &s->step;
     double turns[MAX_JOINTS][9];
@@ -241,7 +241,7 @@ static int instant(Search *s, double t) {
     for (; *at >= 0; at = next_slot(s->instant_table, at))
         if (s->times[*at] == t) return *at;
     if (s->instant_count >= 3 * (TABLE / 4)) return -1;
-    size_t size = (s->spans + 1) * sizeof(Frame); /* + 1: there may be none */
+    size_t size = (s->spans + 1) * sizeof(Frame); /* + 1: the count may be 0 */
     Frame *larger = grown(s->frames, s->instant_count, &s->instant_room, size);
     if (!larger) return -1;
     s->frames = larger;
@@ -252,7 +252,7 @@ static int instant(Search *s, double t) {
     return *at = s->instant_count++;
 }
 
-/* How far gaps may sag within a cell, for each pair of frames; NULL when there are too many. */
+/* Maximum sags of gaps in a cell, for each pair of frames; NULL when there are too many cells. */
 static const Sag *cell(Search *s, int start, int end) {
     int32_t *at = slot(s->cell_table, (uint64_t)start << 32 | (uint32_t)end);
     for (; *at >= 0; at = next_slot(s->cell_table, at))
@@ -356,7 +356,7 @@ static int cell_of(const double *d) {
     return number;
 }
 
-/* The least d . x over a node that has lists, of those in the list of d's cell; and a point there. */
+/* The smallest d . x over a node with lists, by the list of d's cell; and a point with it. */
 static double lowest_listed(const Tree *tree, int node, const double *d, double *at) {
     const float *x = tree->x + tree->first[node], *y = tree->y + tree->first[node], *z = tree->z + tree->first[node];
     int cell = tree->lists[node] + cell_of(d), count = tree->begins[cell + 1] - tree->begins[cell], j = 0;
@@ -374,7 +374,7 @@ static double lowest_listed(const Tree *tree, int node, const double *d, double 
     return best;
 }
 
-/* The same of any node, of all its points. */
+/* The same for any node, by all its points. */
 static double lowest_of_all(const Tree *tree, int node, const double *d, double *at) {
     const float *x = tree->x + tree->first[node], *y = tree->y + tree->first[node], *z = tree->z + tree->first[node];
     int count = tree->count[node], i = 0;
@@ -401,7 +401,7 @@ static double lowest_of_all(const Tree *tree, int node, const double *d, double 
     return best;
 }
 
-/* The least d . x over a cluster without its ball, d in the frame of its tree; and a point there. */
+/* The smallest d . x over a cluster without its ball, d in its tree's frame; and a point with it. */
 static double lowest(const Search *s, Cluster c, const double *d, double *at) {
     const Placed *placed = &s->placed[c.tree];
     const Tree *tree = &s->trees[placed->tree];
@@ -456,7 +456,7 @@ static View view_of(const Search *s, const Task *task) {
     return v;
 }
 
-/* What n leaves at the worse end, times |n|; and the point of the difference there. */
+/* The gap of n at the worse end, times |n|; and the point of the difference there. */
 static double gap(const Search *s, const View *v, const double *n, double *difference) {
     double d[3], reversed[3] = {-n[0], -n[1], -n[2]}, x[3], nearest[3] = {0}, best = INFINITY;
     for (int end = 0; end < v->ends; end++) {
@@ -480,7 +480,7 @@ static double gap(const Search *s, const View *v, const double *n, double *diffe
 
 /* ---- Gilbert, Johnson and Keerthi */
 
-/* The point of a simplex nearest to the origin; keeps the corners that carry it, returns how many. */
+/* The point of a simplex nearest to the origin; keeps the corners with weights, returns their number. */
 static int nearest_to_origin(double corners[4][3], int count, double *nearest) {
     static const int subsets[15][5] = {/* size, corners */
         {1, 0}, {1, 1}, {1, 2}, {1, 3}, {2, 0, 1}, {2, 0, 2}, {2, 1, 2}, {2, 0, 3}, {2, 1, 3}, {2, 2, 3},
@@ -529,7 +529,7 @@ static int nearest_to_origin(double corners[4][3], int count, double *nearest) {
     return size;
 }
 
-/* The nearest direction of whole numbers up to 127. */
+/* The nearest direction of integers up to 127. */
 static void whole(const double *d, int16_t *n) {
     double top = fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2]))), best = -1;
     for (int scale = 127; scale > 96; scale--) {
@@ -542,11 +542,11 @@ static void whole(const double *d, int16_t *n) {
     }
 }
 
-typedef struct {         /* what a search for a direction found */
-    double d[3];         /* from where it starts; then the best direction, of any length */
+typedef struct {         /* the result of a search for a direction */
+    double d[3];         /* first the start of the search; then the best direction, of any length */
     double least;        /* the distance is at most this */
-    int16_t n[3];        /* a direction that separates, of whole numbers */
-    double kept;         /* the distance that it keeps at the instants looked at */
+    int16_t n[3];        /* a separating direction of integers */
+    double kept;         /* its gap at the instants of the view */
 } Found;
 
 static int keeps(const Search *s, const View *v, double goal, Found *f) {
@@ -560,14 +560,14 @@ static int separates(const Search *s, const View *v, const double *d, double goa
     return keeps(s, v, goal, f);
 }
 
-/* The same for numbers up to 32767: wide things near to each other need it. */
+/* The same for integers up to 32767, which large clusters near each other need. */
 static int separates_finely(const Search *s, const View *v, const double *d, double goal, Found *f) {
     double factor = 32767 / fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2])));
     for (int i = 0; i < 3; i++) f->n[i] = (int16_t)rounded(d[i] * factor);
     return keeps(s, v, goal, f);
 }
 
-/* Whether a direction keeps more than the goal: one of whole numbers for rows, any at an instant. */
+/* Whether a direction leaves more than the goal: one of integers for rows, any at an instant. */
 static int separated(const Search *s, const View *v, double goal, Found *f) {
     int for_rows = v->ends == 2, size = 1;
     double simplex[4][3], p[3], w[3];
@@ -613,7 +613,7 @@ static void between(const Search *s, const Task *task, int at, double *x) {
     for (int i = 0; i < 3; i++) x[i] -= second[i];
 }
 
-/* The line between the middles, as the checker rounds it; whether rounding is sure to agree. */
+/* The line between the middles, rounded as by the checker; whether the rounding surely agrees. */
 static int between_middles(const Search *s, const Task *task, double *n) {
     double x[3], top = 1e-9;
     int is_sure = 1;
@@ -628,7 +628,7 @@ static int between_middles(const Search *s, const Task *task, double *n) {
     return is_sure;
 }
 
-/* What n leaves at least between balls around both clusters, times |n|, at an instant. */
+/* The gap of n between balls around both clusters, times |n|, at an instant. */
 static double ball_gap(const Search *s, const Task *task, int at, const double *n) {
     double x[3], radii = 0.5 * (extent_of(s, task->a) + extent_of(s, task->b));
     between(s, task, at, x);
@@ -639,7 +639,7 @@ static double ball_gap(const Search *s, const Task *task, int at, const double *
     return dot(n, x) - radii * norm(n);
 }
 
-/* ---- how near things are at an instant */
+/* ---- distances at an instant */
 
 static void take_nearer(Search *s, int pair, double t, double distance) {
     Result *r = s->result;
@@ -652,7 +652,7 @@ static int refuse(Search *s, int pair, double t, double distance, int code) {
     return code;
 }
 
-/* Contacts on purpose may press; those that may touch are separated best by axes, too. */
+/* Intended contacts may press; axes separate pairs that may touch best. */
 static int may_press(const Pair *pair) { return !pair->is_counted && pair->least < 0; }
 static int may_touch(const Pair *pair) { return !pair->is_counted && pair->least <= 0; }
 
@@ -660,7 +660,7 @@ static double needed(const Search *s, int pair) {
     return s->pairs[pair].is_counted ? fmax(s->pairs[pair].least, s->step.margin) : s->pairs[pair].least;
 }
 
-/* The distance of two clusters at an instant if it is below `within`, the nearer of two first. */
+/* The distance of two clusters at an instant if it is below `within`, nearer children first. */
 static double measured_between(const Search *s, int pair, Cluster first, Cluster second, int at, double within, double *d) {
     struct { Cluster a, b; double d[3], low; } stack[STACK], made[2];
     int count = 1;
@@ -683,7 +683,7 @@ static double measured_between(const Search *s, int pair, Cluster first, Cluster
             copy(stack[count].d, f.d);
             if (separated(s, &v, within, &f)) continue;
             if (is_leaf(s, task.a) && is_leaf(s, task.b)) {
-                while (f.least < within) { /* the farther the goal was, the rougher was the distance */
+                while (f.least < within) { /* the farther the goal, the less accurate the distance */
                     double before = within;
                     within = f.least, copy(f.d, d);
                     if (within <= 0) return within;
@@ -698,13 +698,13 @@ static double measured_between(const Search *s, int pair, Cluster first, Cluster
             kept++;
         }
         if (count + kept > STACK) return within;
-        int order = kept == 2 && made[0].low < made[1].low; /* the nearer is taken first: put last */
+        int order = kept == 2 && made[0].low < made[1].low; /* the nearer comes last, as it is taken first */
         for (int i = 0; i < kept; i++) stack[count++] = made[order ? 1 - i : i];
     }
     return within;
 }
 
-/* That of a whole pair. */
+/* The same for a whole pair. */
 static double measured(const Search *s, int pair, int at, double within, double *d) {
     const Pair *of = &s->pairs[pair];
     return measured_between(s, pair, (Cluster){of->first, 0}, (Cluster){of->second, 0}, at, within, d);
@@ -729,7 +729,7 @@ static int by_low(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Measure both ends, what is nearest first: it tells what can be asked for. */
+/* Measure both ends, the nearest pairs first: this determines what can be asked for. */
 static int look_at_ends(Search *s, const Task *tasks, int count) {
     Look *looks = malloc(2 * sizeof(Look) * ((size_t)count + 1));
     if (!looks) return TOO_MUCH;
@@ -761,13 +761,13 @@ static int look_at_ends(Search *s, const Task *tasks, int count) {
 
 /* ---- rows */
 
-/* What a row of a pair must conclude, as it looks now. */
+/* The required conclusion of a row of a pair, as known so far. */
 static double asked(const Search *s, int pair) {
     double need = needed(s, pair);
     return s->pairs[pair].is_counted ? fmax(need, s->step.share * s->result->nearest) : need;
 }
 
-/* Whether turning a direction towards where it leaves least, again and again, makes it separate.
+/* Whether a direction separates after it is turned repeatedly towards the point of its smallest gap.
    The gap is a concave function of d, with the point of the difference as its slope; the steps are
    Polyak's, for a little more than the goal. */
 static int climbed(const Search *s, const View *v, const double *from, double goal, Found *f) {
@@ -787,7 +787,7 @@ static int climbed(const Search *s, const View *v, const double *from, double go
     return 0;
 }
 
-/* What touches on purpose is separated best by the axes of both shapes, or of what carries them. */
+/* The axes of both shapes, or of the frames that carry them, separate intended contacts best. */
 static int separated_by_axes(const Search *s, const Task *task, const View *v, double goal, Found *f) {
     static const double unturned[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const Pair *pair = &s->pairs[task->pair];
@@ -808,7 +808,7 @@ static int separated_by_axes(const Search *s, const Task *task, const View *v, d
     return 1;
 }
 
-/* How far a gap may sag within the cell of a task; -1 when there are too many cells. */
+/* Maximum sag of a gap in the cell of a task; -1 when there are too many cells. */
 static double sag_of(Search *s, const Task *task) {
     const Pair *pair = &s->pairs[task->pair];
     if (!s->step.pieces) return 0;
@@ -848,7 +848,7 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         int is_apart = separated(s, &inside, apart, f);
         task->has_n = 1;
         copy(f->d, task->n);
-        if (!is_apart && !may_press(pair) && is_new(s, task->pair, middle)) { /* how near is it really? */
+        if (!is_apart && !may_press(pair) && is_new(s, task->pair, middle)) { /* measure the distance */
             double need = needed(s, task->pair), time = s->times[middle], d[3];
             double within = (pair->is_counted ? fmax(s->result->nearest, need) : need) + 1e-9;
             now.a = (Cluster){pair->first, 0}, now.b = (Cluster){pair->second, 0};
@@ -857,12 +857,12 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
             if (distance <= need) return *code = refuse(s, task->pair, time, distance, TOO_NEAR), NONE;
             if (pair->is_counted && distance < s->result->nearest) {
                 take_nearer(s, task->pair, time, distance);
-                continue; /* less is asked for now */
+                continue; /* the requirement is lower now */
             }
         }
         double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a), second = is_leaf(s, task->b) ? 0 : extent_of(s, task->b);
         int is_whole = first == 0 && second == 0;
-        if (is_whole && may_press(pair) && !is_apart) { /* pressed in too deep, or not by now? */
+        if (is_whole && may_press(pair) && !is_apart) { /* may be pressed in too deep */
             double need = needed(s, task->pair), time = s->times[middle];
             if (!separates_finely(s, &inside, f->d, need, f) && !separated_by_axes(s, &now, &inside, need, f))
                 return *code = refuse(s, task->pair, time, f->kept, NOT_SHOWN), NONE;
@@ -875,7 +875,7 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
     }
 }
 
-/* The halves of what is cut, in the checker's order; how many, or -1 when there are too many. */
+/* The halves of all cut tasks, in the checker's order; their number, or -1 when too many. */
 static int halves(Search *s, const Task *tasks, const uint8_t *letters, int count, Task *made) {
     int number = 0;
     for (int side = 0; side < 2; side++)
@@ -936,9 +936,9 @@ static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *
 
 typedef struct { const float *x[3]; int32_t *begins, cells; uint16_t *listed; int32_t count, room; } Lists;
 
-/* List the points, of some, that may be the lowest along a direction of a cell: a face of a cube of
-   directions, then a part of it around (u, v). A point is left out when it is above another one
-   along all four corners of the cell, since heights are linear in between. Whether there is room. */
+/* List the points, of some, that may be lowest along a direction of a cell: a part around (u, v) of a
+   face of a cube of directions. A point is left out when it is above another one along all four
+   corners of the cell, as heights are linear in between. Returns whether there is room. */
 static int list_lowest(Lists *l, int face, double u, double v, double size, const uint16_t *some, int count) {
     int axis = face / 2, a = (axis + 1) % 3, b = (axis + 2) % 3, kept = 0;
     const float *x = l->x[axis], *y = l->x[a], *z = l->x[b];
@@ -965,7 +965,7 @@ static int list_lowest(Lists *l, int face, double u, double v, double size, cons
     return 1;
 }
 
-/* The lists of all nodes of many points, as many as there is room for. */
+/* The lists of all large nodes, as far as there is room. */
 static void list_nodes(int32_t nodes, Tree *tree, int32_t room) {
     uint16_t all[MAX_LISTED];
     Lists l = {.begins = tree->begins, .listed = tree->listed, .room = room};

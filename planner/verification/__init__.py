@@ -1,13 +1,13 @@
-"""Plan -> Certificate: every limit, pose and clearance, proven by code that did not plan.
+"""Certificates of plans and motions: every limit, pose and clearance, by independent code.
 
 `python -m planner.verification FILE` checks a saved plan; see `planner.verification.command_line`.
 """
 
-import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
+import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - its error names what is missing
 from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
 from planner.verification.motion_certificate import MotionCertificate, PolynomialMotion, certify
-from planner.verification.prover import certificate_of
+from planner.verification.witness import certificate_of
 
 __all__ = [
     "Certificate",

@@ -1,45 +1,50 @@
-"""Certificate: what was proven of a plan, with every figure; as text and as data."""
+"""Certificate: what was proven of a plan, with every number; as text and as data."""
 
 from __future__ import annotations
 
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from baxter_kin.display import OneLine, count, seconds, sentence
+from baxter_kin.display import count, seconds, sentence
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import field, field_names, frozen, number_or_nan
 from baxter_kin.json_data import plain_data
-from baxter_kin.validation import Checked, check_fields, expect
+from baxter_kin.validation import expect
 from planner.errors import TaskError
 from planner.plan import Plan
 from planner.state import State
 
 NOT_KNOWN = "not known"
-"""Stands for a value that is not a number."""
-
-_RELATIONS = {"<=": operator.le, ">=": operator.ge, ">": operator.gt}
+"""Text of a value that is not a number."""
 
 
 class Relation(str, Enum):
-    """How a value must stand to its bound."""
+    """The relation that a value must have to its bound."""
 
     AT_MOST = "<="
     AT_LEAST = ">="
     ABOVE = ">"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Check(OneLine):
-    """One property of a plan: its worst value, the bound, and where that was found.
+_RELATIONS = {
+    Relation.AT_MOST: operator.le,
+    Relation.AT_LEAST: operator.ge,
+    Relation.ABOVE: operator.gt,
+}
+
+
+@frozen(error=TaskError, eq=True)
+class Check:
+    """One property of a plan: its worst value, the bound, and where the worst value occurs.
 
     Attributes:
-        name: what was checked, such as "velocity limit".
-        value: the worst value; infinite when there is none, such as a support that is missing; not
-            a number where nothing was proven.
-        relation: how it must stand to the bound.
+        name: the property, such as "velocity of limit".
+        value: the worst value; infinite where nothing limits it, NaN where nothing was proven.
+        relation: the relation that the value must have to the bound.
         bound: the bound.
         unit: of value and bound; empty for a ratio or a count.
         where: move, time, joint or pair of shapes; or why there was nothing to check.
@@ -49,20 +54,16 @@ class Check(OneLine):
     """
 
     name: str
-    value: float
+    value: float = number_or_nan()
     relation: Relation
     bound: float
     unit: str
     where: str
 
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError, may_be_nan=("value",))
-
     @property
     def is_passed(self) -> bool:
-        """Whether the value keeps the bound; a value that is not known keeps none."""
-        kept: bool = _RELATIONS[self.relation.value](self.value, self.bound)
-        return kept
+        """Whether the value satisfies the bound; NaN never does."""
+        return bool(_RELATIONS[self.relation](self.value, self.bound))
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
@@ -78,43 +79,43 @@ class Check(OneLine):
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The worst value of something, and where it is found."""
+    """The worst value of a property, and where it occurs."""
 
     value: float
     where: str
 
     def at_most(self, bound: float, name: str, unit: str = "") -> Check:
-        """The check that it does not exceed a bound."""
+        """The check that the value does not exceed a bound."""
         return Check(name, float(self.value), Relation.AT_MOST, bound, unit, self.where)
 
     def at_least(self, bound: float, name: str, unit: str = "") -> Check:
-        """The check that it does not fall below a bound."""
+        """The check that the value does not fall below a bound."""
         return Check(name, float(self.value), Relation.AT_LEAST, bound, unit, self.where)
 
     def above(self, bound: float, name: str, unit: str = "") -> Check:
-        """The check that it is above a bound."""
+        """The check that the value is above a bound."""
         return Check(name, float(self.value), Relation.ABOVE, bound, unit, self.where)
 
 
 def greatest(found: Iterable[Worst], nothing: str, value: float = 0.0) -> Worst:
-    """The one of greatest value; of none, that value and why there is nothing."""
+    """The item of greatest value; `value` and the reason `nothing` where there is no item."""
     return max(found, key=lambda worst: worst.value, default=Worst(value, nothing))
 
 
 def least(found: Iterable[Worst], nothing: str, value: float = math.inf) -> Worst:
-    """The one of least value; of none, that value and why there is nothing."""
+    """The item of least value; `value` and the reason `nothing` where there is no item."""
     return min(found, key=lambda worst: worst.value, default=Worst(value, nothing))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Subject(Checked, error=TaskError):
-    """What a certificate was made of, as the objects themselves; no file holds them.
+@frozen(error=TaskError)
+class Subject:
+    """The objects that a certificate was made for; they are not saved or pickled with it.
 
     Attributes:
         plan: the plan that was checked.
         state: the world that it was checked in.
-        is_standard: whether it was checked for the robot that the plan is for, and a plan that
-            states a response with that one.
+        is_standard: whether it was checked for the plan's own robot and, where the plan states a
+            response, with that response.
     """
 
     plan: Plan
@@ -122,23 +123,24 @@ class Subject(Checked, error=TaskError):
     is_standard: bool
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Certificate(Checked, OneLine, error=TaskError):
+@frozen(error=TaskError, eq=True)
+class Certificate:
     """What was proven of a plan, or why nothing was.
 
     Attributes:
         limb: the arm that moves.
-        motion_time_s: duration of its moves.
+        motion_time_s: total duration of the moves, s.
         checks: the table of worst values.
-        reason: why the checker does not certify it, as a sentence; empty when it does.
-        rows: how many inequalities were checked for it, each of which holds in an interval of time.
-        clearances_m: what each step keeps at every instant, m, by its label and in order; inf where
-            nothing can come near. The first is of what stands still.
-        bare: links of the robot without a shape, which nothing keeps apart from.
-        steps: of the plan.
-        limits: the acceleration and jerk that it was judged by.
-        geometry: what shapes the robot has.
-        subject: what it was made of; None where somebody else than `verify` made it.
+        reason: why the checker does not certify the plan, as a sentence; empty when it does.
+        rows: number of inequalities that were checked, each of which holds in an interval of time.
+        clearances_m: the proven clearance of each step at every instant, m, by label and in order;
+            inf where nothing can come near. The first is of everything that stands still.
+        bare: links of the robot without a shape, for which no clearance is proven.
+        steps: number of steps of the plan.
+        limits: the acceleration and jerk limits that the plan was judged by, as a phrase.
+        geometry: the shapes of the robot, as a phrase.
+        subject: plan and state that were checked; None unless `verify` made the certificate in this
+            process.
     """
 
     limb: str
@@ -151,15 +153,16 @@ class Certificate(Checked, OneLine, error=TaskError):
     steps: int = 1
     limits: str = "no limits"
     geometry: str = "Rethink's meshes"
-    subject: Subject | None = field(default=None, repr=False, compare=False)
+    subject: Subject | None = field(default=None, repr=False, eq=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        kept = (getattr(self, each.name) for each in fields(self) if each.name != "subject")
+        """Copy and pickle everything but the subject."""
+        kept = (getattr(self, name) for name in field_names(self) if name != "subject")
         return type(self), tuple(kept)
 
     @property
     def is_valid(self) -> bool:
-        """Whether the checker certifies it and every check is passed."""
+        """Whether the checker certifies the plan and every check is passed."""
         return not (self.reason or self.failures)
 
     @property
@@ -168,19 +171,19 @@ class Certificate(Checked, OneLine, error=TaskError):
         return tuple(check for check in self.checks if not check.is_passed)
 
     def is_of(self, plan: Plan, state: State | None = None) -> bool:
-        """Whether `verify` made it in this process, of this very plan in just that world.
+        """Whether `verify` made this certificate in this process, for this plan and this world.
 
-        The plan must be the same object; a copy, or one read from a file again, is another one.
-        Of the world, all bodies, joints and what the hands hold must be the same to the last bit,
-        but not the joints of the arm that moves. For another robot, or with another response than
-        the plan states, it is of none.
+        The plan must be the same object; a copy, or the same plan read from a file again, does not
+        count. All bodies, joints and attachments of the world must be equal to the last bit, except
+        for the joints of the arm that moves. False as well for a certificate that was made for
+        another robot, or with another response than the plan states.
 
         Args:
-            plan: what is about to be executed.
+            plan: the plan that is about to be executed.
             state: the world before its first step; the plan's own when not given.
 
         Raises:
-            TaskError: when one of them is of another class.
+            TaskError: when an argument is of another class.
         """
         expect(plan, Plan, "plan", TaskError)
         if state is not None:
@@ -196,7 +199,7 @@ class Certificate(Checked, OneLine, error=TaskError):
         """The check of that name.
 
         Raises:
-            UnknownNameError: when there is none.
+            UnknownNameError: when there is no such check.
         """
         for check in self.checks:
             if isinstance(name, str) and check.name == name:
@@ -208,7 +211,7 @@ class Certificate(Checked, OneLine, error=TaskError):
 
     @property
     def verdict(self) -> str:
-        """The verdict as one sentence; gives the checker's reason, or the checks that fail."""
+        """The verdict as one sentence, with the checker's reason or the checks that fail."""
         motion = f"{self.motion_time_s:.3f} s of motion" if self.steps else "a plan without steps"
         what = f"{self.limb} arm, {motion}"
         if self.is_valid:
@@ -238,29 +241,19 @@ class Certificate(Checked, OneLine, error=TaskError):
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; a value without a number is null."""
-        checks = [
-            {**asdict(check), "relation": check.relation.value, "is_passed": check.is_passed}
-            for check in self.checks
-        ]
-        for check in checks:
-            if not math.isfinite(check["value"]):
-                check["value"] = None
+        """Plain data for JSON; a value that is not finite is null."""
         return {
             "is_valid": self.is_valid,
             "limb": self.limb,
             "motion_time_s": self.motion_time_s,
             "reason": self.reason,
             "rows": self.rows,
-            "clearances_m": [
-                [label, clear if math.isfinite(clear) else None]
-                for label, clear in self.clearances_m
-            ],
+            "clearances_m": [[label, _finite(clear)] for label, clear in self.clearances_m],
             "bare": list(self.bare),
             "steps": self.steps,
             "limits": self.limits,
             "geometry": self.geometry,
-            "checks": checks,
+            "checks": [_plain(check) for check in self.checks],
         }
 
     def _facts(self) -> tuple[str, ...]:
@@ -274,8 +267,18 @@ class Certificate(Checked, OneLine, error=TaskError):
         return self.limb, count(self.steps, "step"), seconds(self.motion_time_s), state
 
 
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _plain(check: Check) -> dict[str, Any]:
+    data = {name: getattr(check, name) for name in field_names(check)}
+    plain = {"value": _finite(check.value), "relation": check.relation.value}
+    return {**data, **plain, "is_passed": check.is_passed}
+
+
 def _world(state: State, limb: str) -> Any:
-    """All that counts of a state: no colours, and no joints of the arm of that limb."""
+    """The parts of a state that matter for `is_of`: no colours, no joints of the limb's arm."""
     data = plain_data(state, State)
     bodies = list(data["scene"]["bodies"].values())
     for part in (part for body in bodies for part in body["parts"]):

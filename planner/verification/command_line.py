@@ -1,7 +1,7 @@
 """`python -m planner.verification FILE`: check a saved plan.
 
-Exit status: 0 the plan is valid; 1 it is not, and the checks that failed are named on stderr; 2
-wrong usage, or a file that holds no plan; 130 stopped by Ctrl-C.
+Exit status: 0 the plan is valid; 1 it is not, and stderr names the checks that failed; 2 wrong
+usage, or a file without a plan; 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ JUDGING, ROBOT, OUTPUT = "what the plan is judged by", "robot", "output"
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerificationOptions:
-    """Which plan to check, and by what."""
+    """The plan to check, and what it is judged by."""
 
     file: str = option(metavar="FILE", help="a plan that save_plan wrote")
     response: str | None = option(
         "--response",
         metavar="FILE",
         group=JUDGING,
-        help="how the arm follows its set-points, as baxter-check --identify has measured it: this "
-        "adds checks of all positions that the joints may have then",
+        help="how the arm follows its set-points, as measured by baxter-check --identify: adds "
+        "checks of all positions that the joints may then have",
     )
     speed: float | None = option(
         "--speed",
@@ -79,7 +79,7 @@ class VerificationOptions:
         metavar="LABEL",
         repeats=True,
         group=JUDGING,
-        help="another move that must be straight, besides those that the plan says are; may be "
+        help="label of a move that must be straight, besides those that the plan states; may be "
         "repeated",
     )
     acceleration: float | None = option(
@@ -87,43 +87,43 @@ class VerificationOptions:
         type=float,
         metavar="A",
         group=JUDGING,
-        help="greatest acceleration of every joint to judge by, rad/s^2 (default: the robot's)",
+        help="maximum acceleration of every joint to judge by, rad/s^2 (default: the robot's)",
     )
     jerk: float | None = option(
         "--jerk",
         type=float,
         metavar="J",
         group=JUDGING,
-        help="greatest jerk of every joint to judge by, rad/s^3 (default: the robot's)",
+        help="maximum jerk of every joint to judge by, rad/s^3 (default: the robot's)",
     )
     limits: str | None = option(
         "--limits",
         choices=PRESETS,
         group=JUDGING,
-        help="preset of acceleration and jerk to judge by (default: safe)",
+        help="preset of acceleration and jerk limits to judge by (default: safe)",
     )
     urdf: str | None = option(
         "--urdf",
         metavar="FILE",
         group=ROBOT,
-        help="the robot's own description (default: the stock robot); a plan for another robot is "
-        "judged on this one",
+        help="description of the robot to judge on (default: the stock robot), also where the plan "
+        "is for another one",
     )
     hands: Mapping[str, HandMount] = hands_option(ROBOT)
-    is_quiet: bool = flag("-q", "--quiet", group=OUTPUT, help="print only what failed")
-    as_json: bool = flag("--json", group=OUTPUT, help="the certificate as JSON")
+    is_quiet: bool = flag("-q", "--quiet", group=OUTPUT, help="print only the failures")
+    as_json: bool = flag("--json", group=OUTPUT, help="print the certificate as JSON")
 
     def __post_init__(self) -> None:
         if self.limits is not None and (self.acceleration, self.jerk) != (None, None):
             raise UsageError(
-                "--limits says acceleration and jerk; give it, or --acceleration and --jerk"
+                "--limits sets acceleration and jerk; give either it, or --acceleration and --jerk"
             )
         if self.speed is not None and self.response is None:
-            raise UsageError("--speed matters to an arm that lags; give --response FILE, too")
+            raise UsageError("--speed applies to an arm that lags; give --response FILE, too")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Check the file that the arguments, or the command line, name; returns the exit status."""
+    """Check the file that the arguments name; returns the exit status."""
     try:
         return _checked(parse(VerificationOptions, argv))
     except BaxterError as cause:

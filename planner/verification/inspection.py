@@ -1,8 +1,8 @@
-"""The certificate of a plan, made by code that did not make the plan.
+"""Verification of a plan by code that did not make it.
 
-The verdict is that of `planner.certificate`, a small checker that shares no code with the planner,
-nor distances with anybody: rows are sought for the plan, and the checker accepts them or says why
-not. The search for rows, and the table of worst values, need not be trusted.
+The verdict is that of `planner.certificate`, a small checker that shares no code with the planner.
+Rows are searched for the plan, and the checker accepts them or gives the reason why not. Neither
+the search for rows nor the table of worst values has to be trusted.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from planner.plan_file import check_size, plan_document
 from planner.state import State
 from planner.verification.certificate import Certificate, Subject
 from planner.verification.lag_checks import lag_checks
-from planner.verification.prover import SoughtTimeline, body_of
 from planner.verification.report import described, robot_limits, table_of
+from planner.verification.witness import SoughtTimeline, body_of
 
 
 def verify(
@@ -44,32 +44,30 @@ def verify(
     response: Response | None = None,
     on_another_robot: bool = False,
 ) -> Certificate:
-    """Check everything about a plan, independently of what planned it.
+    """Check a plan, independently of the code that planned it.
 
     Args:
-        plan: what to check.
-        state: the world before its first step; the plan's own when not given. Then what the plan
-            states of its own states, contacts and distances is not compared, as it is of another
-            world.
-        straight: labels of more moves that shall be straight; those that say so are checked anyhow.
-        description: which robot it is judged for, such as `robot.description`; the stock robot
-            when not given.
-        limits: what the arm may do, in positions and velocities at most what the URDF says; when
-            not given, that and the toolkit's stated acceleration and jerk (`baxter_kin.limits`).
-        response: how a real arm follows its set-points, for checks of wherever its joints may be
-            then; the plan's own when not given, and no such checks where it has none.
-        on_another_robot: whether to judge a plan on the robot that is given although it is for
-            another one of the same joints, instead of refusing it. Its joint angles are the same
-            there, and the checks of the tip say how far off it is. Such a certificate is of no
-            plan (`is_of`).
+        plan: the plan to check.
+        state: the world before its first step; the plan's own when not given. The states, contacts
+            and distances that the plan states are not compared with another world.
+        straight: labels of further moves that must be straight, besides those that the plan states.
+        description: the robot to judge on, such as `robot.description`; the stock robot when not
+            given.
+        limits: limits to judge by; positions and velocities are also limited by the URDF. When not
+            given, those of the URDF and the toolkit's acceleration and jerk (`baxter_kin.limits`).
+        response: how a real arm follows its set-points, for checks of all positions that its joints
+            may then have; the plan's own when not given, and no such checks where it has none.
+        on_another_robot: whether to judge a plan on the given robot although it is for another one
+            with the same joints, instead of refusing it. Its joint angles stay the same, and the
+            checks of the tip state the deviation. `Certificate.is_of` is False for any plan then.
 
     Returns:
         What was proven of every step, and a table of worst values; or the reason why nothing was.
 
     Raises:
-        TaskError: when an argument is of another class, the plan is for another robot, the state's
-            joints are not the robot's, limits are those of other joints, or plan or scene are too
-            large (`planner.plan_file.MAX_COUNTS`).
+        TaskError: when an argument is of another class, the plan is for another robot, the state
+            lacks a joint of the robot, the limits are of other joints, no move has a label in
+            `straight`, or plan or scene are too large (`planner.plan_file.MAX_COUNTS`).
     """
     known = _installed() if description is None else description
     expect(known, RobotDescription, "description", TaskError)
@@ -77,8 +75,8 @@ def verify(
         raise TaskError(f"plan must be of class Plan, got {quoted(plan)}; load_plan reads a file")
     difference = robot_difference(expect(plan, Plan, "plan", TaskError), known)
     if difference and not (on_another_robot and _has_its_joints(plan, known)):
-        there = "" if on_another_robot else ", or judge it there by on_another_robot=True"
-        raise TaskError(f"{difference}; give the description of the robot that it is for{there}")
+        there = "" if on_another_robot else ", or on_another_robot=True"
+        raise TaskError(f"{difference}; give the description of the plan's robot{there}")
     world = expect(plan.start if state is None else state, State, "state", TaskError)
     check_size(plan, world, TaskError)
     labels = expect_all(straight, str, "the labels of straight moves", TaskError)
@@ -86,7 +84,7 @@ def verify(
         if label not in {move.label for move in plan.moves}:
             present = ", ".join(move.label for move in plan.moves) or "none"
             raise TaskError(
-                f"no move {quoted(label)} to be straight; the plan has: {shortened(present)}"
+                f"no move {quoted(label)} to check as straight; the plan has: {shortened(present)}"
             )
     follows = plan.response if response is None else response
     if follows is not None:
@@ -113,7 +111,7 @@ def verify(
 
 
 def robot_difference(plan: Plan, description: RobotDescription) -> str:
-    """That a plan is for another robot, and what differs, as a phrase; empty where it is not."""
+    """How a plan's robot differs from a description, as a phrase; empty where it does not."""
     difference = "" if plan.robot is None else description.identity.difference(plan.robot)
     if not difference:
         return ""
@@ -121,7 +119,7 @@ def robot_difference(plan: Plan, description: RobotDescription) -> str:
 
 
 def _has_its_joints(plan: Plan, description: RobotDescription) -> bool:
-    """Whether a robot has the joints of the one that a plan is for; else nothing can be judged."""
+    """Whether a robot has the joints of the plan's robot."""
     return plan.robot is None or plan.robot.ranges.keys() == description.identity.ranges.keys()
 
 
@@ -131,20 +129,20 @@ def _installed() -> RobotDescription:
 
 
 def _judge(limits: JointLimits | None, robot: Robot) -> JointLimits:
-    """The caller's limits, checked to be this arm's; the robot's own when there are none."""
+    """The caller's limits, which must be of this arm; the robot's own when none are given."""
     if limits is None:
         return robot_limits(robot)
     expect(limits, JointLimits, "limits", TaskError)
     if limits.names != robot.names:
         raise TaskError(
-            f"the limits are those of {', '.join(limits.names)}; the {robot.limb} arm has: "
+            f"the limits are of {', '.join(limits.names)}; the {robot.limb} arm has: "
             f"{', '.join(robot.names)}"
         )
     return limits
 
 
 def _in_world(plan: Plan, world: State) -> Plan:
-    """A plan that starts in a world, but with its arm where the plan has it."""
+    """The plan with another start, except for the joints of its arm."""
     if world is plan.start:
         return plan
     arm = {name: at for name, at in plan.start.joints.items() if name.startswith(f"{plan.limb}_")}
@@ -156,7 +154,7 @@ def _in_world(plan: Plan, world: State) -> Plan:
 def _judged(
     plan: Plan, robot: Robot, judge: JointLimits, urdf: str, straight: Collection[str]
 ) -> tuple[Certified | None, Timeline | None, str]:
-    """What the checker finds, the plan as it was followed, and why it is refused."""
+    """The checker's result, the timeline of the plan, and the reason of a refusal."""
     if plan.failure is not None:
         return None, None, f"the plan says itself that it failed: {plan.failure}"
     document: dict[str, Any] = plan_document(plan)
@@ -177,7 +175,7 @@ def _judged(
 
 
 def _stricter(stated: Mapping[str, Any], judge: JointLimits) -> Mapping[str, Any]:
-    """Positions and velocities that a plan and its judge both allow."""
+    """Limits of position and velocity that satisfy both the plan and its judge."""
     least = {name: np.minimum(stated[name], getattr(judge, name)) for name in ("q_max", "v_max")}
     found = {**least, "q_min": np.maximum(stated["q_min"], judge.q_min)}
     return {name: bounds.tolist() for name, bounds in found.items()}

@@ -1,17 +1,16 @@
-"""Checks of a plan on an arm that follows its set-points late.
+"""Checks of a plan on an arm that lags behind its set-points.
 
-Where its joints may be is found by code of its own (`response_tube`). What keeps clear there is
-shown by rows over boxes of joint angles: they are sought by the prover, and concluded by
-`planner.certificate.boxes`, on the clusters and the pairs that the plan itself is certified with.
-Pairs that may touch on purpose are excluded, as the hand is off its path; how far is checked, of
-the tip, by the same lemma.
+The positions that its joints may have are bounded by independent code (`response_tube`). Clearance
+there is proven by rows over boxes of joint angles: the prover finds them, and
+`planner.certificate.boxes` checks them, for the clusters and pairs of the plan's own certificate.
+Intended contacts are excluded, as the hand is off its path; the deviation of its tip is bounded by
+the same lemma.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -24,8 +23,9 @@ from planner.certificate.rows import Pair, Step
 from planner.certificate.timeline import Timeline
 from planner.motion.response import Response
 from planner.plan import Move, Plan
-from planner.prover.kernel import SHARES, BoxesFound, Chain, Outcome, Trees, rows_kernel
+from planner.prover.kernel import Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube
+from planner.prover.problem import SHARES, BoxesFound, Chain, Outcome
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.response_tube import (
     STEP_S,
@@ -33,9 +33,6 @@ from planner.verification.response_tube import (
     positions,
     response_tube,
 )
-
-AngleRange: TypeAlias = tuple[FloatArray, FloatArray]
-"""Lowest and highest positions, each of shape (7,), rad."""
 
 CLEARANCE, OFF_PATH, OFF_GOAL = (
     "tracking: clearance",
@@ -46,28 +43,29 @@ CLEARANCE, OFF_PATH, OFF_GOAL = (
 
 NO_MOVES = "no moves"
 
-OFF_PATH_M = 0.05
-"""How far the tip may be off its path where it touches something on purpose, and off its goal when
-all joints are settled. The planner allows 40 mm; the bound here counts as well what the arm lags
-along its path."""
+MAX_OFF_PATH_M = 0.05
+"""Maximum distance of the tip from its path in moves with an intended contact, and from its goal
+when all joints are settled. The planner allows 40 mm; the bound here includes the lag along the
+path."""
 
 START_RAD, SETTLED_RAD = 0.02, 0.0087
-"""How far joints are measured from a plan's start at most, and how far from their last set-points
-where they are settled."""
+"""Maximum measured distance of the joints from a plan's start, and from their last set-points where
+they count as settled."""
 
 REST_RAD_S = 1e-6
-"""A move that ends slower than this ends at rest."""
+"""A move whose final speed is below this ends at rest."""
 
 PATH_S, TIP_S = 2e-3, 5e-3
-"""Of plan time: between two points of a path, and how long a box is where the tip is checked."""
+"""Plan time between two points of a path, and of a box in which the tip is checked."""
 
 
 def lag_checks(plan: Plan, timeline: Timeline | None, response: Response) -> Iterator[Check]:
-    """Clearance, and where the tip may be.
+    """Check clearance, and the deviation of the tip.
 
     Args:
         plan: the plan.
-        timeline: of the same plan; None where it cannot be followed, and nothing is measured.
+        timeline: of the same plan; None where the checker refuses to follow it, so that nothing is
+            measured.
         response: how the arm follows its set-points, and how these are sent.
     """
     if timeline is None:
@@ -76,23 +74,21 @@ def lag_checks(plan: Plan, timeline: Timeline | None, response: Response) -> Ite
     found = list(_tracked(plan, timeline, response))
     clearance = least((move.clearance for move in found), NO_MOVES)
     yield clearance.above(0.0, CLEARANCE, "m")
-    off = greatest(
-        (move.off_path for move in found if move.off_path), "nothing is touched on purpose"
-    )
-    yield off.at_most(OFF_PATH_M, OFF_PATH, "m")
+    off = greatest((move.off_path for move in found if move.off_path), "no intended contacts")
+    yield off.at_most(MAX_OFF_PATH_M, OFF_PATH, "m")
     rests = greatest((move.off_goal for move in found if move.off_goal), NO_MOVES)
-    yield rests.at_most(OFF_PATH_M, OFF_GOAL, "m")
+    yield rests.at_most(MAX_OFF_PATH_M, OFF_GOAL, "m")
 
 
 @dataclass(frozen=True, slots=True)
 class _TrackedMove:
-    """What was found of one move.
+    """Worst values of one move.
 
     Attributes:
-        clearance: the least distance wherever the joints may be.
-        off_path: how far the tip may be off its path; None where nothing is touched on purpose.
-        off_goal: how far it may be off its goal when all joints are settled; None where it does not
-            rest.
+        clearance: the smallest distance at any position that the joints may have.
+        off_path: maximum distance of the tip from its path; None without intended contacts.
+        off_goal: maximum distance of the tip from its goal when all joints are settled; None where
+            the arm does not rest.
     """
 
     clearance: Worst
@@ -101,9 +97,9 @@ class _TrackedMove:
 
 
 def _tracked(plan: Plan, timeline: Timeline, response: Response) -> Iterator[_TrackedMove]:
-    """Follow an arm along the moves of a plan."""
+    """The moves of a plan, with the arm somewhere in its tube."""
     error = response.settled_error_rad
-    off_rad = START_RAD + error  # what is measured has errors
+    off_rad = START_RAD + error  # measurements have errors
     start = plan.q_start - off_rad, plan.q_start + off_rad
     clearances = _Clearances(timeline)
     numbers = (number for number, step in enumerate(plan.steps) if isinstance(step, Move))
@@ -138,7 +134,7 @@ def _between_rests(moves: Sequence[Move]) -> Iterator[tuple[Move, ...]]:
 
 
 class _Clearances:
-    """What keeps clear in the moves of a plan."""
+    """Clearances in the moves of a plan, proven by rows."""
 
     def __init__(self, timeline: Timeline) -> None:
         self._robot, self._clusters = timeline.robot, timeline.clusters
@@ -149,14 +145,14 @@ class _Clearances:
         self._steps = {number: step for step, number in both if step.motion is not None}
 
     def step_of(self, number: int) -> Step | None:
-        """What must keep apart in a step of the plan that is a move; None if it takes no time."""
+        """The pairs of a step of the plan that is a move; None if it takes no time."""
         return self._steps.get(number)
 
     def found(self, step: Step, tube: ResponseTube, span: tuple[int, int]) -> Worst:
-        """The least distance between two ends of steps of a tube, or why none is shown."""
+        """The smallest distance between two ends of steps of a tube, or why none is shown."""
         pairs = [pair for pair in step.pairs if pair.is_counted]
         if not pairs:
-            return Worst(np.inf, f"{step.label}, nothing to keep clear of")
+            return Worst(np.inf, f"{step.label}, nothing to keep apart")
         some = slice(span[0], span[1] + 1)
         box = Tube(tube.low[some], tube.high[some])
 
@@ -167,7 +163,7 @@ class _Clearances:
 
         found = self._sought(step, pairs, box)
         if found.outcome == Outcome.TOO_MUCH:
-            return Worst(0.0, f"{step.label}, not shown, as it takes too many rows")
+            return Worst(0.0, f"{step.label}, not shown, as it needs too many rows")
         if found.outcome != Outcome.PROVEN:
             pair, distance_m, instant = found.stopped
             return worst(min(distance_m, 0.0), pair, instant)
@@ -190,7 +186,7 @@ class _Clearances:
 
 
 def _path(robot: Robot, move: Move) -> FloatArray:
-    """Points of the tip on the way, close together, shape (k, 3), m."""
+    """Positions of the tip along a move, closely spaced, shape (k, 3), m."""
     end_s = float(move.trajectory.knots_s[-1])
     times_s = np.linspace(0.0, end_s, 2 + int(end_s / PATH_S))
     return _tips(robot, positions(move.trajectory, times_s)[0][:, None])[:, 0]
@@ -199,7 +195,7 @@ def _path(robot: Robot, move: Move) -> FloatArray:
 def _off_path(
     robot: Robot, move: Move, tube: ResponseTube, span: tuple[int, int], path: FloatArray
 ) -> Worst:
-    """How far the tip may be off the path."""
+    """Maximum distance of the tip from the path between two ends of steps of a tube."""
     steps = max(1, round(TIP_S / STEP_S))
     starts = list(range(*span, steps))
     boxes = np.array([tube.hull(first, min(first + steps, span[1])) for first in starts])
@@ -210,15 +206,15 @@ def _off_path(
 
 
 def _tips_off(robot: Robot, boxes: FloatArray, path: FloatArray) -> FloatArray:
-    """How far the tip may be from the nearest of some points, (k, 3), in boxes, shape (m,), m.
+    """Maximum distance of the tip from the nearest point of a path, in each box, shape (m,), m.
 
-    Along any unit vector its position is a sum of which each joint's part is c + A cos q + B sin q,
-    so it is at most as far as at one of the corners, and the sag of the lemma more.
+    Along any unit vector the tip's position is c + A cos q + B sin q as a function of any one joint
+    q, so its distance is at most the greatest at the corners plus the sag of the lemma.
 
     Args:
-        robot: whose tip.
+        robot: the robot.
         boxes: lowest and highest angles of the joints, shape (m, 2, 7), rad.
-        path: the points.
+        path: points, shape (k, 3), m.
     """
     tips = _tips(robot, boxes)
     middles = tips.mean(axis=1)
@@ -232,7 +228,15 @@ def _tips_off(robot: Robot, boxes: FloatArray, path: FloatArray) -> FloatArray:
 
 
 def _tips(robot: Robot, choices: FloatArray) -> FloatArray:
-    """Positions of the tip where each joint has one of c angles, (m, c, 7): (m, c^7, 3), m."""
+    """Positions of the tip for all combinations of c angles of each joint.
+
+    Args:
+        robot: the robot.
+        choices: the angles, shape (m, c, 7), rad.
+
+    Returns:
+        Shape (m, c^7, 3), m.
+    """
     points = np.broadcast_to(robot.tip.p.centred()[0], (len(choices), 1, 3))
     for joint in range(ARM_JOINTS - 1, -1, -1):
         span, q = robot.spans[joint], choices[:, :, joint, None]

@@ -1,30 +1,28 @@
 """Certificates of motions that something else planned or recorded.
 
-A motion is certified as a move of a plan is, by the same pairs and rows and the same checker
-(`planner.certificate`); where a plan derives from its grips what may touch what, here the caller
-states it, and the certificate repeats it.
+A motion is certified like a move of a plan, with the same pairs and rows and by the same checker
+(`planner.certificate`). A plan's intended contacts follow from its grips; here the caller states
+them, and the certificate repeats them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from math import factorial
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.description import RobotDescription
-from baxter_kin.display import OneLine, clear, count, quoted, seconds, shown_path
+from baxter_kin.display import clear, count, quoted, seconds, shown_path
 from baxter_kin.errors import FileError, UnknownNameError
-from baxter_kin.fields import Frozen
+from baxter_kin.fields import array, evolve, frozen, sequence
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
-    Checked,
     FloatArray,
     expect,
     expect_all,
@@ -36,66 +34,70 @@ from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certifie
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES
 from planner.certificate.robot import ARM_JOINTS, Robot
-from planner.certificate.timeline import MOTION, STATE, StepWitness, Timeline
+from planner.certificate.timeline import MOTION, STATE_TOLERANCE, StepWitness, Timeline
 from planner.errors import PlanFileError, TaskError, TrajectoryError
-from planner.prover.kernel import SHARES, NotShownError, rows_kernel
-from planner.prover.witness import witness_of
+from planner.prover.kernel import rows_kernel
+from planner.prover.problem import SHARES, NotShownError
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.verification.prover import body_of
+from planner.verification.witness import body_of, witness_of
 
 MARGINS_M = (0.001, 0.005, 0.02)
-"""Without a C compiler, the greatest of these that can be shown is certified; 0 else."""
+"""Without a C compiler, the greatest of these that can be proven is certified, or 0."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PolynomialMotion(Frozen, OneLine):
+@frozen(error=TrajectoryError)
+class PolynomialMotion:
     """A motion of the seven joints of an arm: polynomials of time between knots.
 
     Attributes:
         knots_s: times where the polynomial changes, shape (n + 1,), from 0, increasing, s.
         derivatives: position, velocity, acceleration and so on at the start of each piece, shape
-            (n, k, 7) with k of 2 to 6, rad/s^i. Those that follow are 0, so k - 1 is the degree.
+            (n, k, 7) with k of 2 to 6, rad/s^i. Higher derivatives are 0, so the degree is k - 1.
         joint_names: the joints of the columns; those of the arm from shoulder to wrist when empty.
-        is_timed: whether the knots are the motion's own times. Where they are not, as in a path of
-            a planner without times, nothing is said of velocities.
+        is_timed: whether the knots are real times. They are not in a path without times; then
+            velocities are not judged.
 
     Raises:
         TrajectoryError: when shapes do not fit, a number is not finite, knots do not increase from
             zero, or the position jumps by more than 1e-8 rad.
     """
 
-    knots_s: FloatArray
-    derivatives: FloatArray
-    joint_names: tuple[str, ...] = ()
+    knots_s: FloatArray = array(None)
+    derivatives: FloatArray = array(None, None, ARM_JOINTS)
+    joint_names: tuple[str, ...] = sequence(default=())
     is_timed: bool = True
 
-    def __post_init__(self) -> None:
-        given = float_array(self.derivatives, "derivatives", TrajectoryError)
-        if given.ndim != 3 or given.shape[2] != ARM_JOINTS:
+    if TYPE_CHECKING:  # converters take more than the fields hold
+
+        def __init__(
+            self,
+            knots_s: ArrayLike,
+            derivatives: ArrayLike,
+            joint_names: Iterable[str] = (),
+            is_timed: bool = True,
+        ) -> None: ...
+
+    def __attrs_post_init__(self) -> None:
+        pieces, orders, _ = self.derivatives.shape
+        if not 2 <= orders <= MAX_DEGREE + 1:
             raise TrajectoryError(
-                f"derivatives have shape {given.shape}; they must have shape (n, k, {ARM_JOINTS})"
+                f"the motion is of degree {orders - 1}; it may be of degree 1 to {MAX_DEGREE}"
             )
-        if not 2 <= given.shape[1] <= MAX_DEGREE + 1:
+        if not 1 <= pieces <= MAX_PIECES:
+            raise TrajectoryError(f"the motion has {pieces} pieces; 1 to {MAX_PIECES} are allowed")
+        if len(self.knots_s) != pieces + 1:
             raise TrajectoryError(
-                f"the motion is of degree {given.shape[1] - 1}; it may be of degree 1 to "
-                f"{MAX_DEGREE}"
+                f"knots_s has {len(self.knots_s)} times; a motion of {pieces} pieces has "
+                f"{pieces + 1}"
             )
-        if not 1 <= len(given) <= MAX_PIECES:
-            raise TrajectoryError(f"the motion has {len(given)} pieces; 1 to {MAX_PIECES} are read")
-        shapes = {"knots_s": (len(given) + 1,), "derivatives": given.shape}
-        for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, TrajectoryError)
-            object.__setattr__(self, name, array)
-        names = expect_all(self.joint_names, str, "joint_names", TrajectoryError)
-        if names and len(set(names)) != ARM_JOINTS:
+        names = self.joint_names
+        if names and not len(names) == len(set(names)) == ARM_JOINTS:
             raise TrajectoryError(f"joint_names must be {ARM_JOINTS} names, got {quoted(names)}")
-        object.__setattr__(self, "joint_names", names)
-        expect(self.is_timed, bool, "is_timed", TrajectoryError)
         if self.knots_s[0] != 0.0 or not (np.diff(self.knots_s) > 0.0).all():
             raise TrajectoryError(
-                f"times must increase from 0, got {quoted(self.knots_s.tolist())}; give where the "
-                "arm is at first as the first of the points, at time 0"
+                f"times must increase from 0, got {quoted(self.knots_s.tolist())}; the first point "
+                "must be the initial position of the arm, at time 0"
             )
         jumps = np.abs(self._ends()[:-1] - self.derivatives[1:, 0])
         if not (jumps <= MAX_JUMP).all():
@@ -112,10 +114,10 @@ class PolynomialMotion(Frozen, OneLine):
         *,
         joint_names: Iterable[str] = (),
     ) -> PolynomialMotion:
-        """The motion through points, as `joint_trajectory_controller` interpolates them.
+        """The motion through points, interpolated as `joint_trajectory_controller` does.
 
-        Between points with velocities and accelerations it is a quintic, with velocities alone a
-        cubic, else straight.
+        Quintic where velocities and accelerations are given, cubic with velocities alone, linear
+        otherwise.
 
         Args:
             times_s: from 0, increasing, shape (n,), s.
@@ -132,7 +134,7 @@ class PolynomialMotion(Frozen, OneLine):
         q = finite_rows(q, ARM_JOINTS, "q", TrajectoryError)
         times_s = finite_array(times_s, (len(q),), "times_s", TrajectoryError)
         if len(q) < 2 or not (np.diff(times_s) > 0.0).all():
-            raise TrajectoryError("a motion needs two points or more, at times that increase")
+            raise TrajectoryError("a motion needs at least two points, at increasing times")
         if a is not None and v is None:
             raise TrajectoryError("accelerations need velocities as well")
         points = [q] + [
@@ -140,17 +142,14 @@ class PolynomialMotion(Frozen, OneLine):
             for x, name in ((v, "v"), (a, "a"))
             if x is not None
         ]
-        derivatives = _hermite(np.diff(times_s)[:, None], points)
-        return cls(
-            times_s, derivatives, expect_all(joint_names, str, "joint_names", TrajectoryError)
-        )
+        return cls(times_s, _hermite(np.diff(times_s)[:, None], points), joint_names)
 
     @classmethod
     def waypoints(cls, q: ArrayLike, *, joint_names: Iterable[str] = ()) -> PolynomialMotion:
-        """Straight from each configuration to the next, without times.
+        """Straight lines from each configuration to the next, without times.
 
-        One second is put from each to the next, so 2.5 s is in the middle between the third and the
-        fourth.
+        The parameter increases by 1 from each to the next, so 2.5 is halfway between the third and
+        the fourth.
 
         Args:
             q: at least two configurations, shape (n, 7), rad.
@@ -162,10 +161,9 @@ class PolynomialMotion(Frozen, OneLine):
         """
         q = finite_rows(q, ARM_JOINTS, "waypoints", TrajectoryError)
         if len(q) < 2:
-            raise TrajectoryError("a path needs two waypoints or more")
+            raise TrajectoryError("a path needs at least two waypoints")
         derivatives = np.stack([q[:-1], np.diff(q, axis=0)], axis=1)
-        names = expect_all(joint_names, str, "joint_names", TrajectoryError)
-        return cls(np.arange(float(len(q))), derivatives, names, is_timed=False)
+        return cls(np.arange(float(len(q))), derivatives, joint_names, is_timed=False)
 
     @classmethod
     def of_coefficients(
@@ -175,12 +173,12 @@ class PolynomialMotion(Frozen, OneLine):
         *,
         joint_names: Iterable[str] = (),
     ) -> PolynomialMotion:
-        """Polynomials by their coefficients.
+        """Polynomials given by their coefficients.
 
         Args:
             knots_s: shape (n + 1,), from 0, s.
-            coefficients: of rising powers of the time since the start of each piece, shape
-                (n, k, 7), k of 2 to 6. Those of SciPy's `PPoly` are `c[::-1].swapaxes(0, 1)`.
+            coefficients: of increasing powers of the time since the start of each piece, shape
+                (n, k, 7), k of 2 to 6. For SciPy's `PPoly`: `c[::-1].swapaxes(0, 1)`.
             joint_names: the joints of the columns; those of the arm from shoulder to wrist when
                 empty.
 
@@ -190,12 +188,11 @@ class PolynomialMotion(Frozen, OneLine):
         given = float_array(coefficients, "coefficients", TrajectoryError)
         if given.ndim == 3:
             given = given * np.array([factorial(i) for i in range(given.shape[1])])[:, None]
-        names = expect_all(joint_names, str, "joint_names", TrajectoryError)
-        return cls(float_array(knots_s, "knots_s", TrajectoryError), given, names)
+        return cls(knots_s, given, joint_names)
 
     @property
     def duration_s(self) -> float:
-        """The time of the last knot."""
+        """Time of the last knot, s."""
         return float(self.knots_s[-1])
 
     def _ends(self) -> FloatArray:
@@ -214,18 +211,18 @@ class PolynomialMotion(Frozen, OneLine):
 AnyMotion: TypeAlias = Trajectory | PolynomialMotion | ArrayLike
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MotionCertificate(Checked, OneLine, error=TaskError):
+@frozen(error=TaskError)
+class MotionCertificate:
     """The certificate of a motion, or why it has none.
 
     Attributes:
-        document: the motion in its situation, with its certificate, as its file has it.
-        certified: what `planner.certificate` found; None where the motion is not certified.
-        reason: why not, in a sentence; empty where it is certified.
-        pair: the two that come too near; None where the reason is another one.
-        distance_m: how near they come, 0 or less where they touch; None likewise.
-        time_s: when; None likewise. Of waypoints without times, 2.5 is in the middle between the
-            third and the fourth.
+        document: the content of the motion's file: motion, state and, where found, certificate.
+        certified: the result of `planner.certificate`; None where the motion is not certified.
+        reason: why the motion is not certified, as a sentence; empty where it is.
+        pair: the two things that come too near; None where the reason is another one.
+        distance_m: their distance, 0 or less where they touch; None likewise.
+        time_s: when; None likewise. In waypoints without times, 2.5 is halfway between the third
+            and the fourth.
 
     Raises:
         TaskError: when a value is of another class.
@@ -245,13 +242,13 @@ class MotionCertificate(Checked, OneLine, error=TaskError):
 
     @property
     def clearance_m(self) -> float:
-        """What everything that counts keeps at every instant, m; 0 without a certificate."""
+        """Proven clearance at every instant, m; 0 without a certificate."""
         return 0.0 if self.certified is None else self.certified.clearance_m
 
     def save(self, path: PathLike) -> None:
-        """Write motion, situation and certificate to a file, which is replaced when it exists.
+        """Write motion, state and certificate to a file, replacing an existing one.
 
-        `python -m planner.certificate FILE --urdf FILE` checks it, with NumPy alone.
+        `python -m planner.certificate FILE --urdf FILE` checks it with NumPy alone.
 
         Raises:
             PlanFileError: when there is no certificate, or the file cannot be written.
@@ -288,12 +285,12 @@ def certify(
     a_max: ArrayLike | None = None,
     j_max: ArrayLike | None = None,
 ) -> MotionCertificate:
-    """Certify a motion that something else planned or recorded, or say where it fails.
+    """Certify a motion that something else planned or recorded, or state where it fails.
 
-    All that moves keeps clear of all that may not be touched at every instant of the motion, and
-    the positions of the joints are within the URDF's limits; so are velocities where the motion has
-    times. Links of the arm with one joint between them are not compared, and those with two
-    need only not touch, as in a plan.
+    Everything that moves keeps clear of everything that it may not touch, at every instant of the
+    motion, and the joints stay within the URDF's limits of position, and of velocity where the
+    motion has times. As in a plan, links of the arm with one joint between them are not compared,
+    and those with two must not touch.
 
     Args:
         motion: a trajectory of this toolkit, polynomials, or waypoints of shape (n, 7), rad, with
@@ -301,18 +298,18 @@ def certify(
         limb: the arm that moves, "left" or "right".
         state: all joints, bodies and what the hands hold when the motion begins. What the hand of
             this arm holds moves with it.
-        contacts: what may touch what all the time, 0.5 mm deep at most: a body and a hand,
-            ("block", "left hand"), or the held body and another, ("block", "table"). Nothing
-            derives or checks that this is meant; the certificate says what was assumed.
+        contacts: pairs that may touch all the time, at most 0.5 mm deep: a body and a hand,
+            ("block", "left hand"), or the held body and another one, ("block", "table"). They are
+            assumed, not checked; the certificate lists them.
         description: the robot; the stock robot when not given.
-        a_max: greatest acceleration of each joint, one number or shape (7,), rad/s^2; not judged
-            when not given, and not given for motions without times.
-        j_max: likewise of jerk, rad/s^3.
+        a_max: maximum acceleration of each joint, one number or shape (7,), rad/s^2; not judged
+            when not given; not allowed for motions without times.
+        j_max: maximum jerk, likewise, rad/s^3.
 
     Raises:
         TrajectoryError: when the motion is malformed or of a degree above 5.
-        TaskError: when another argument is malformed, or the motion is of other joints or begins
-            elsewhere than the state has the arm.
+        TaskError: when another argument is malformed, or the motion is of other joints, or does not
+            begin at the arm's position in the state.
         UnknownNameError: when there is no such limb.
     """
     if not isinstance(limb, str) or limb not in LIMBS:
@@ -323,7 +320,7 @@ def certify(
     robot, body = Robot(text, limb), body_of(text)
     given = _ordered(_polynomials(motion), robot, state)
     if not given.is_timed and not (a_max is None and j_max is None):
-        raise TaskError("a path has no times, so no accelerations or jerks to be judged by limits")
+        raise TaskError("a path has no times, so it cannot be judged by acceleration or jerk")
     step: dict[str, Json] = {
         "type": MOTION,
         "label": "motion",
@@ -355,9 +352,9 @@ def certify(
 
 
 def _witness(timeline: Timeline, digest: str) -> Witness:
-    """The certificate with the greatest share of the least distance that can be shown.
+    """The certificate with the greatest clearance that can be proven.
 
-    Without a C compiler, with the greatest of some margins.
+    Of `SHARES` of the smallest distance found, or without a C compiler of `MARGINS_M`.
     """
 
     def found(**asked: Any) -> Witness | NotShownError:
@@ -365,7 +362,7 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
             return witness_of(timeline, digest, (StepWitness(),), **asked)
         except NotShownError as cause:
             if cause.near is not None and cause.near.distance_m <= 0.0:
-                raise  # what touches is not shown by asking for less
+                raise  # a contact: asking for less does not help
             return cause
 
     if rows_kernel() is None:
@@ -384,7 +381,7 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
 
 
 def _nearest(cause: NotShownError) -> tuple[tuple[str, str], float, float] | tuple[()]:
-    """The pair that comes too near, how near, and when in the motion."""
+    """The pair that comes too near, its distance, m, and the time in the motion, s."""
     near, step = cause.near, cause.step
     if near is None or step is None:
         return ()
@@ -399,37 +396,37 @@ def _polynomials(motion: AnyMotion) -> PolynomialMotion:
     if not isinstance(motion, Trajectory):
         return PolynomialMotion.waypoints(motion)
     if not len(motion.j):
-        raise TrajectoryError("a motion of no duration has nothing to certify")
+        raise TrajectoryError("a motion of zero duration has nothing to certify")
     derivatives = np.stack([motion.q[:-1], motion.v[:-1], motion.a[:-1], motion.j], axis=1)
     return PolynomialMotion(motion.knots_s, derivatives, motion.limits.names)
 
 
 def _ordered(motion: PolynomialMotion, robot: Robot, state: State) -> PolynomialMotion:
-    """A motion with the arm's joints from shoulder to wrist, if it begins where the state is."""
+    """The motion with its joints ordered from shoulder to wrist; it must begin at the state."""
     names = motion.joint_names or robot.names
     if set(names) != set(robot.names):
         raise TaskError(
-            f"the motion is of {', '.join(names)}; it must be of the {robot.limb} arm's joints, "
+            f"the motion is of {', '.join(names)}; it must be of the {robot.limb} arm's joints: "
             f"{', '.join(robot.names)}"
         )
     columns = [names.index(name) for name in robot.names]
     derivatives = motion.derivatives[:, :, columns]
-    away = np.abs(derivatives[0, 0] - state.q(robot.names))
-    worst = int(away.argmax())
-    if not away[worst] <= STATE:
+    distance = np.abs(derivatives[0, 0] - state.q(robot.names))
+    worst = int(distance.argmax())
+    if not distance[worst] <= STATE_TOLERANCE:
         raise TaskError(
-            f"the motion begins {away[worst]:.3g} rad from where the state has "
-            f"{robot.names[worst]}; give a state with the arm there, as `State.moved` makes it"
+            f"the motion begins {distance[worst]:.3g} rad from the position of "
+            f"{robot.names[worst]} in the state; give a state with the arm there, by `State.moved`"
         )
-    return PolynomialMotion(motion.knots_s, derivatives, robot.names, motion.is_timed)
+    return evolve(motion, derivatives=derivatives, joint_names=robot.names)
 
 
 def _limit(given: ArrayLike | None, name: str) -> Json:
     if given is None:
         return None
-    array = float_array(given, name, TaskError)
-    array = np.full(ARM_JOINTS, array) if array.ndim == 0 else array
-    limit = finite_array(array, (ARM_JOINTS,), name, TaskError)
+    limits = float_array(given, name, TaskError)
+    limits = np.full(ARM_JOINTS, limits) if limits.ndim == 0 else limits
+    limit = finite_array(limits, (ARM_JOINTS,), name, TaskError)
     if not (limit > 0.0).all():
         raise TaskError(f"{name} must be above zero, got {quoted(limit.tolist())}")
     values: list[Json] = limit.tolist()
@@ -437,36 +434,36 @@ def _limit(given: ArrayLike | None, name: str) -> Json:
 
 
 def _contacts(given: Iterable[tuple[str, str]], limb: str, state: State) -> list[Json]:
-    """Contacts as the file has them."""
+    """Contacts as a motion's file states them."""
     held, hands = state.holding(limb), (f"{limb} hand", f"{limb} pads")
     standing = {*state.scene.bodies} - {each.body for each in state.attachments}
     found: list[Json] = []
     for pair in expect_all(given, tuple, "contacts", TaskError):
         if len(pair) != 2:
-            raise TaskError(f"a contact is of two names, got {quoted(pair)}")
+            raise TaskError(f"a contact must be two names, got {quoted(pair)}")
         body, other = pair
         is_of_hand = other in hands and body in standing
         is_of_held = held is not None and body == held.body and other in standing
         if not (is_of_hand or is_of_held):
             carried = "nothing" if held is None else held.body
             raise TaskError(
-                f"no contact of {quoted(body)} and {quoted(other)}: give a body that stands and "
-                f"{hands[0]!r}, or what that hand holds ({carried}) and a body that stands"
+                f"{quoted(body)} and {quoted(other)} cannot touch: give a body that stands and "
+                f"{hands[0]!r}, or the body in that hand ({carried}) and one that stands"
             )
         found.append({"body": body, "other": other})
     return found
 
 
 def _hermite(length: FloatArray, points: Sequence[FloatArray]) -> FloatArray:
-    """Derivatives at the start of the polynomials through points that are known so far.
+    """Derivatives at the start of each of n polynomials through n + 1 points (Hermite).
 
     Args:
-        length: how long each piece takes, shape (n, 1), s.
-        points: positions, and velocities, and accelerations, of n + 1 points, shape (n + 1, 7).
+        length: durations of the pieces, shape (n, 1), s.
+        points: positions, then velocities and accelerations where known, each (n + 1, 7).
     """
     order = len(points)
     starts, ends = [x[:-1] for x in points], [x[1:] for x in points]
-    # what the end has beyond the Taylor polynomial of the start, by its derivatives
+    # derivatives at the end, minus those of the start's Taylor polynomial there
     beyond = []
     for k in range(order):
         reached = sum(

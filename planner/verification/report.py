@@ -1,7 +1,7 @@
-"""The table of a certificate: the worst value of everything, its bound, and where it is found.
+"""The table of a certificate: the worst value of every property, its bound, and where it occurs.
 
-Nothing of it is trusted but what the checker found (`Certified`). Limits, jumps and tips are
-computed here once more, in doubles, so that a plan that is refused shows by how much.
+Only the checker's results (`Certified`) are trusted. Limits, jumps and tips are computed here once
+more, in doubles, so that a refused plan shows by how much it fails.
 """
 
 from __future__ import annotations
@@ -19,29 +19,36 @@ from planner.certificate.checking import Certified
 from planner.certificate.intervals import Interval
 from planner.certificate.motion import LIMIT_RATIO, MAX_JUMP
 from planner.certificate.robot import Robot
-from planner.certificate.timeline import DROP_M, PRESS_M, SLIDE_M, STATE, TIP, TOUCH_M
+from planner.certificate.timeline import (
+    DROP_M,
+    PRESS_M,
+    SLIDE_M,
+    STATE_TOLERANCE,
+    TIP_TOLERANCE,
+    TOUCH_M,
+)
 from planner.plan import Move, Plan
 from planner.state import State
 from planner.trajectory import Trajectory
 from planner.verification.certificate import Check, Worst, greatest, least
 
 STATED_M = 2e-5
-"""How much of a stated distance is the accuracy of who measured it."""
+"""Accuracy of a stated distance."""
 
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
 RATES = {"v_max": "rad/s", "a_max": "rad/s^2", "j_max": "rad/s^3"}
 
-NO_MOVES, NO_PROOFS = "no moves", "nothing is stated"
+NO_MOVES, NO_PROOFS = "no moves", "no proofs are stated"
 NOT_CERTIFIED = "the plan is not certified"
 
 
 def robot_limits(
     robot: Robot, acceleration: float | None = None, jerk: float | None = None
 ) -> JointLimits:
-    """What an arm may do; another acceleration or jerk for all joints where the caller says so.
+    """Limits of an arm: positions and velocities of the URDF.
 
-    Positions and velocities are the URDF's; acceleration and jerk are stated nowhere on the robot,
-    so they are the toolkit's named defaults (`baxter_kin.limits`).
+    The robot states no acceleration or jerk, so these are the toolkit's named defaults
+    (`baxter_kin.limits`), or the given ones for all joints.
     """
     given = {"acceleration": acceleration, "jerk": jerk}
     said = {name: "the caller" for name, value in given.items() if value is not None}
@@ -55,13 +62,13 @@ def robot_limits(
 def table_of(
     plan: Plan, robot: Robot, judge: JointLimits, certified: Certified | None
 ) -> Iterator[Check]:
-    """All rows, in order.
+    """All checks, in order.
 
     Args:
-        plan: with the state that it was judged in as its start.
-        robot: whose arm moves.
-        judge: what it may do.
-        certified: what the checker found; None for a plan that it refuses.
+        plan: the plan; its start is the state that it was judged in.
+        robot: the robot whose arm moves.
+        judge: the limits to judge by.
+        certified: the checker's result; None for a plan that it refuses.
     """
     failure = plan.failure
     where = f"{len(plan.steps)} steps" if failure is None else str(failure)
@@ -79,20 +86,20 @@ def table_of(
 
 
 def _limits(moves: Sequence[Move], judge: JointLimits) -> Iterator[Check]:
-    """The judge's limits or those that the plan states, whichever are stricter."""
+    """The moves against the stricter of the judge's limits and those that the plan states."""
     claims, margins = [], []
     peaks: dict[str, list[Worst]] = {name: [] for name in ("velocity", "acceleration", "jerk")}
     for move in moves:
         own = move.trajectory.limits
         claims += [_claim(move, name, judge) for name in RATES]
         low, high = move.trajectory.position_extrema()
-        least_m = np.minimum(
+        margin = np.minimum(
             low - np.maximum(judge.q_min, own.q_min), np.minimum(judge.q_max, own.q_max) - high
         )
-        i = int(least_m.argmin())
-        margins.append(Worst(float(least_m[i]), f"{move.label}, {own.names[i]}"))
-        mine, its = (move.trajectory.peak_ratios(limits) for limits in (own, judge))
-        for name, ratio in zip(peaks, np.maximum(mine, its).tolist(), strict=True):
+        i = int(margin.argmin())
+        margins.append(Worst(float(margin[i]), f"{move.label}, {own.names[i]}"))
+        by_plan, by_judge = (move.trajectory.peak_ratios(limits) for limits in (own, judge))
+        for name, ratio in zip(peaks, np.maximum(by_plan, by_judge).tolist(), strict=True):
             peaks[name].append(Worst(ratio, move.label))
     ratio = 1.0 + LIMIT_RATIO
     yield greatest(claims, NO_MOVES).at_most(ratio, "stated limits of those judged by")
@@ -110,7 +117,7 @@ def _claim(move: Move, name: str, judge: JointLimits) -> Worst:
 
 
 def _jumps(moves: Sequence[Move], plan: Plan) -> Iterator[Check]:
-    """At knots, between moves, and what is left of the motion where the arm must rest."""
+    """Jumps at knots and between moves, and the remaining motion where the arm must rest."""
     stops, last = [], None
     for step in (*plan.steps, None):
         if isinstance(step, Move):
@@ -134,17 +141,17 @@ def _jumps(moves: Sequence[Move], plan: Plan) -> Iterator[Check]:
         before = tuple(x[-1] for x in knots)
     for found, what in ((at_knots, "at knots"), (between, "between moves")):
         for each, (name, unit) in zip(found, QUANTITIES, strict=True):
-            yield greatest(each, NO_MOVES).at_most(STATE, f"{name} jump {what}", unit)
+            yield greatest(each, NO_MOVES).at_most(STATE_TOLERANCE, f"{name} jump {what}", unit)
     for (name, unit), key in zip(QUANTITIES[1:], "va", strict=True):
         rates = (
             Worst(float(np.abs(getattr(move.trajectory, key)[-1]).max()), label)
             for move, label in stops
         )
-        yield greatest(rates, NO_MOVES).at_most(STATE, f"{name} at stops", unit)
+        yield greatest(rates, NO_MOVES).at_most(STATE_TOLERANCE, f"{name} at stops", unit)
 
 
 def _ends(t: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where each piece of a motion ends."""
+    """Positions, velocities and accelerations at the ends of the pieces of a motion."""
     dt, q, v, a = np.diff(t.knots_s)[:, None], t.q[:-1], t.v[:-1], t.a[:-1]
     return (
         q + dt * (v + dt * (a / 2 + dt * t.j / 6)),
@@ -154,7 +161,7 @@ def _ends(t: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _tips(moves: Sequence[Move], robot: Robot) -> Iterator[Check]:
-    """Each move against the pose that it was asked to end at."""
+    """The end of each move against its target pose."""
     off, turned = [], []
     for move in moves:
         if move.T_base_tip is not None:
@@ -162,29 +169,30 @@ def _tips(moves: Sequence[Move], robot: Robot) -> Iterator[Check]:
             p, R = tip.p.centred()[0][0], tip.R.centred()[0][0]
             off.append(Worst(float(np.linalg.norm(p - move.T_base_tip.translation)), move.label))
             turned.append(Worst(angle_between(R, move.T_base_tip.rotation), move.label))
-    yield greatest(off, "no poses were asked for").at_most(TIP, "tip position", "m")
-    yield greatest(turned, "no poses were asked for").at_most(TIP, "tip orientation", "rad")
+    nothing = "no target poses"
+    yield greatest(off, nothing).at_most(TIP_TOLERANCE, "tip position", "m")
+    yield greatest(turned, nothing).at_most(TIP_TOLERANCE, "tip orientation", "rad")
 
 
 def _fingers(plan: Plan, robot: Robot) -> Iterator[Check]:
-    """The fingers of the hand at the start."""
+    """The positions of the fingers at the start."""
     openings = [s * plan.start.joints[robot.finger_joints[f]] for f, s in robot.fingers.items()]
     outside = (
         Worst(max(-at_m, at_m - robot.stroke_m), f"{finger} at {1e3 * at_m:.3f} mm")
         for finger, at_m in zip(robot.fingers, openings, strict=True)
     )
     found = greatest(outside, "no fingers", -math.inf)
-    yield found.at_most(STATE, "finger start outside the stroke", "m")
+    yield found.at_most(STATE_TOLERANCE, "finger start outside the stroke", "m")
     skew = Worst(float(np.ptp(openings)) if openings else 0.0, f"{robot.limb} hand")
-    yield skew.at_most(STATE, "fingers unequally open", "m")
+    yield skew.at_most(STATE_TOLERANCE, "fingers unequally open", "m")
 
 
 def _certified(plan: Plan, certified: Certified | None) -> Iterator[Check]:
-    """What the checker found: upper bounds on errors, and what every step keeps at least."""
+    """The checker's results: upper bounds on errors, and clearances of all steps."""
     line = plan.line_tolerance
     bounds = {
-        "distance from line": (line.position_m, "m", "no move is said to be straight"),
-        "turn from line": (line.rotation_rad, "rad", "no move is said to be straight"),
+        "distance from line": (line.position_m, "m", "no straight moves"),
+        "turn from line": (line.rotation_rad, "rad", "no straight moves"),
         "held bodies off their hands": (PRESS_M, "m", "nothing is held at first"),
         "gap of closed pads": (TOUCH_M, "m", "no grasp"),
         "drop at release": (DROP_M, "m", "no release"),
@@ -213,9 +221,10 @@ def _certified(plan: Plan, certified: Certified | None) -> Iterator[Check]:
 
 
 def _stated(plan: Plan, certified: Certified | None, within_m: float) -> Iterator[Check]:
-    """What each step states as proven, against what is certified of it; and its bodies.
+    """The proofs and bodies that each step states, against the start and what is certified.
 
-    A plan file cannot state that bodies come, go or change, so the checker reads nothing of it.
+    A plan file cannot state that bodies appear, vanish or change, so the checker does not read
+    them.
     """
     other = [step.label for step in plan if step.state and not _has_its_bodies(step.state, plan)]
     where = other[0] if other else "the same in each step"
@@ -240,7 +249,7 @@ def _stated(plan: Plan, certified: Certified | None, within_m: float) -> Iterato
 
 
 def _has_its_bodies(state: State, plan: Plan) -> bool:
-    """Whether a state has the bodies of a plan's start, wherever they are."""
+    """Whether a state has the bodies of a plan's start, at any poses."""
     bodies = plan.start.scene.bodies
     return state.scene.bodies.keys() == bodies.keys() and all(
         body.is_movable == bodies[body.name].is_movable
@@ -258,7 +267,7 @@ def _kept_m(number: int, certified: Certified) -> float:
 
 
 def described(limits: JointLimits) -> str:
-    """Acceleration and jerk as a phrase, with the smallest and greatest where joints differ."""
+    """Acceleration and jerk limits as a phrase, with minimum and maximum where joints differ."""
     return f"{_span(limits.a_max)} rad/s^2 and {_span(limits.j_max)} rad/s^3"
 
 

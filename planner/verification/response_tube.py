@@ -1,19 +1,19 @@
-"""The tube of an arm's response, by a line that nothing can cross.
+"""Bounds on the joints of an arm that lags, by a line that they cannot cross.
 
-Of a joint with T y' = w - y, where T is within [T_min, T_max] and w at most U, the greatest slope
-that y can have at a height Y is
+For a joint with T y' = w - y, where T is within [T_min, T_max] and w at most U, the maximum slope
+of y at a height Y is
 
-    s(Y) = (U - Y) / T_min  where U > Y,    (U - Y) / T_max  where not,
+    s(Y) = (U - Y) / T_min  where U > Y,    (U - Y) / T_max  otherwise,
 
-which falls with Y. A line that begins no lower than y and rises by no less than s at each of its
-own heights is not crossed: where it would be met from below, y would have to be steeper than s.
-In a step of length g, with U the greatest set-point of that time, such a line rises
+which decreases with Y. A line that starts no lower than y and at each of its heights is at least as
+steep as s is not crossed: to meet it from below, y would have to be steeper than s. In a step of
+length g, with U the maximum set-point in that time, such a line has the slope
 
-    by (U - Y) / T_min  from a height Y below U, where it starts steepest, though never above U,
-    by (U - Y) / (T_max + g)  from a height above it, as s is no more than that where it ends.
+    (U - Y) / T_min  from a height Y below U, as s is steepest at the start, though only up to U,
+    (U - Y) / (T_max + g)  from a height above U, which is the value of s where the line ends.
 
-The planner's tube has exponentials in place of the line. Set-points are taken at the ends of steps,
-and what they may rise above these in between is their greatest speed times half a step.
+The planner's tube has exponentials in place of the line. Set-points are sampled at the ends of
+steps; in between they exceed these samples by at most their maximum speed times half a step.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from planner.trajectory import Trajectory
 STEP_S = 5e-4
 """Of plan time."""
 
-STATE_RAD = 1e-6
-"""What jumps at knots, up to 1e-8 rad, and rounding may add."""
+ROUNDING_RAD = 1e-6
+"""More than rounding, and jumps at knots of up to 1e-8 rad, may add."""
 
-MAX_REST = 50
-"""An arm has settled after so many greatest lags, whatever it did before."""
+MAX_RESTING_LAGS = 50
+"""Number of maximum lags after which any arm has settled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +43,12 @@ class ResponseTube:
     """Bounds on the joints of an arm during moves without a rest in between, and a rest after them.
 
     Attributes:
-        low: at the ends of steps, settled error included, shape (k + 1, 7), rad.
-        high: likewise.
-        step_s: the length of a step.
-        ends_s: when each move ends.
+        low: lower bounds at the ends of steps, including the settled error, shape (k + 1, 7), rad.
+        high: upper bounds, likewise.
+        step_s: length of a step, s.
+        ends_s: end of each move, s.
         settled: number of the first end at which all joints may be measured as settled.
-        goal: where they go, shape (7,), rad.
+        goal: position after the last move, shape (7,), rad.
     """
 
     low: FloatArray
@@ -59,12 +59,12 @@ class ResponseTube:
     goal: FloatArray
 
     def hull(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
-        """All that is possible from the end of one step to that of another, by their numbers."""
+        """Bounds from the end of one step to that of another, given by their numbers."""
         some = slice(first, last + 1)
         return self.low[some].min(axis=0), self.high[some].max(axis=0)
 
     def steps_of(self, move: int) -> tuple[int, int]:
-        """Numbers of the first and the last end of a move; of the last one, with the rest."""
+        """Numbers of the first and last end in a move; the last move includes the rest."""
         begin_s = self.ends_s[move - 1] if move else 0.0
         first, last = int(begin_s / self.step_s), len(self.low) - 1
         if move < len(self.ends_s) - 1:
@@ -72,7 +72,7 @@ class ResponseTube:
         return first, max(last, first + 1)
 
     def next_start(self, settled_rad: float, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Between which the joints are, without error, when the next moves begin."""
+        """Bounds on the joints, without the settled error, when the next moves begin."""
         most = settled_rad + error
         low = np.minimum(self.low[self.settled] + error, self.goal)
         high = np.maximum(self.high[self.settled] - error, self.goal)
@@ -88,10 +88,10 @@ def response_tube(
     """The tube of moves of which only the last ends at rest.
 
     Args:
-        moves: in order.
-        response: how the arm follows, and how set-points are sent.
-        start: between which the joints are at first, without error; shape (7,) both, rad.
-        settled_rad: within which of the last set-point joints are measured as settled.
+        moves: the moves, in order.
+        response: how the arm follows its set-points, and how these are sent.
+        start: bounds on the joints at first, without the settled error, each of shape (7,), rad.
+        settled_rad: maximum measured distance from the last set-point of a settled joint, rad.
     """
     step_s = STEP_S / response.speed
     lowest, highest, ends_s = _sent(moves, response, step_s)
@@ -99,13 +99,13 @@ def response_tube(
     error = response.settled_error_rad
     high, low = [start[1]], [-start[0]]
     moving, most = len(highest), settled_rad + error
-    for number in range(moving + int(MAX_REST * response.lag_s.max() / step_s) + 1):
+    for number in range(moving + int(MAX_RESTING_LAGS * response.lag_s.max() / step_s) + 1):
         is_resting = number >= moving
         high.append(_line(high[-1], goal if is_resting else highest[number], response, step_s))
         low.append(_line(low[-1], -goal if is_resting else -lowest[number], response, step_s))
         if is_resting and max((high[-1] - goal - most).max(), (low[-1] + goal - most).max()) <= 0.0:
             break
-    upper, lower = np.array(high) + STATE_RAD, -np.array(low) - STATE_RAD
+    upper, lower = np.array(high) + ROUNDING_RAD, -np.array(low) - ROUNDING_RAD
     beyond = np.maximum(lower - goal, goal - upper) - most
     is_possible = beyond.max(axis=1) <= 0.0
     upper[-1], lower[-1] = np.maximum(upper[-1], goal), np.minimum(lower[-1], goal)
@@ -114,10 +114,10 @@ def response_tube(
 
 
 def _line(height: FloatArray, aim: FloatArray, response: Response, step_s: float) -> FloatArray:
-    """The height of the line after a step, shape (7,)."""
+    """Height of the line after a step, shape (7,), rad."""
     least, most = response.lag_s.T
     below = np.maximum(aim - height, 0.0)
-    share = step_s / np.maximum(least, step_s)  # no line rises above what it aims at
+    share = step_s / np.maximum(least, step_s)  # the line does not rise above its aim
     rise = below * share
     fall = np.maximum(height - aim, 0.0) * step_s / (most + step_s)
     after: FloatArray = height + rise - fall
@@ -127,7 +127,7 @@ def _line(height: FloatArray, aim: FloatArray, response: Response, step_s: float
 def _sent(
     moves: Sequence[Move], response: Response, step_s: float
 ) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
-    """Least and greatest set-points that may be in force in each step; when each move ends."""
+    """Minimum and maximum set-point that may be in force in each step; end of each move, s."""
     ends = np.cumsum([float(move.trajectory.knots_s[-1]) for move in moves])
     steps = int(np.ceil((ends[-1] / response.speed + response.window_s) / step_s)) + 1
     before = int(np.ceil(response.window_s / step_s))
@@ -142,9 +142,10 @@ def _sent(
 
 
 def _peaks(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Bounds on the speed and the acceleration of each joint, shape (7,) both.
+    """Bounds on the speed and the acceleration of each joint, each of shape (7,).
 
-    Between knots, acceleration is linear, and velocity off its chord by at most |j| h^2 / 8.
+    Between knots, acceleration is linear, and velocity deviates from its chord by at most
+    |j| h^2 / 8.
     """
     h = np.diff(trajectory.knots_s)[:, None]
     sag = (np.abs(trajectory.j) * h**2 / 8.0).max(axis=0, initial=0.0)
@@ -154,7 +155,7 @@ def _peaks(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 def _set_points(
     moves: Sequence[Move], ends: FloatArray, response: Response, at: FloatArray
 ) -> FloatArray:
-    """What is due at some times of the plan, shape (k, 7)."""
+    """Set-points at some times of the plan, shape (k, 7), rad."""
     number = np.minimum(np.searchsorted(ends, at, side="left"), len(moves) - 1)
     sent = np.empty((len(at), len(response.lag_s)))
     for k, trajectory in enumerate(move.trajectory for move in moves):
@@ -167,7 +168,7 @@ def _set_points(
 
 
 def positions(trajectory: Trajectory, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and velocities from knots and jerks alone, shape (k, 7) both."""
+    """Positions and velocities from knots and jerks alone, each of shape (k, 7)."""
     if not len(trajectory.j):
         q = np.repeat(trajectory.q, len(times_s), axis=0)
         return q, np.zeros_like(q)

@@ -28,13 +28,13 @@ def test_a_speed_ratio_out_of_range_raises(robot: Baxter, ratio: Any) -> None:
 
 
 @pytest.mark.parametrize("q", ["q", [], [0.0] * 7, [np.nan] * 19])
-def test_other_joints_that_are_none_raise(robot: Baxter, q: Any) -> None:
+def test_invalid_positions_of_other_joints_raise(robot: Baxter, q: Any) -> None:
     with pytest.raises(ConfigurationError, match="q_others"):
         Manipulator.of(robot, "left", q_others=q)
 
 
 @pytest.mark.parametrize("robot", [None, "baxter", 5])
-def test_a_manipulator_of_no_robot_raises(robot: Any) -> None:
+def test_a_manipulator_of_another_class_than_a_robot_raises(robot: Any) -> None:
     with pytest.raises(TaskError, match="robot"):
         Manipulator.of(robot, "left")
 
@@ -65,7 +65,7 @@ class TestConfigurations:
 
 
 @pytest.mark.parametrize(("finger_m", "opening_m"), [(0.01, 0.01), (-0.001, 0.0), (0.5, 0.020833)])
-def test_its_fingers_stand_as_its_joints_say_within_their_stroke(
+def test_its_finger_position_follows_from_its_joints_within_the_stroke(
     robot: Baxter, finger_m: float, opening_m: float
 ) -> None:
     q_others = robot.configuration({"l_gripper_l_finger_joint": finger_m})
@@ -95,12 +95,12 @@ def test_limits_of_other_joints_raise(robot: Baxter) -> None:
 
 
 @pytest.mark.parametrize("limits", ["safe", 2.0])
-def test_limits_that_are_none_raise(robot: Baxter, limits: Any) -> None:
+def test_invalid_limits_raise(robot: Baxter, limits: Any) -> None:
     with pytest.raises(TaskError, match="limits must be of class JointLimits"):
         Manipulator.of(robot, "left", limits=limits)
 
 
-def test_a_situation_has_the_fingers_as_far_open_as_is_said(manipulator: Manipulator) -> None:
+def test_a_context_has_the_given_finger_position(manipulator: Manipulator) -> None:
     index = manipulator.robot.indices(manipulator.hand.joint_names)[0]
     context = manipulator.context(Scene.of(), finger_m=0.005)
     assert context.q_others[index] == 0.005

@@ -121,7 +121,7 @@ def test_an_unknown_limb_is_refused(left: Arm, limb: Any) -> None:
 
 
 @pytest.mark.parametrize("start", [None, "start", [0.0] * 7, State(Scene.of(), {"left_s0": 0.1})])
-def test_a_start_that_is_none_or_lacks_the_arm_is_refused(start: Any) -> None:
+def test_a_start_without_the_arm_is_refused(start: Any) -> None:
     with pytest.raises(TaskError, match=r"start|no joint left_s1"):
         _ = Plan(start, (), limb="left").q_start
 
@@ -159,7 +159,7 @@ def test_states_are_kept_only_where_they_follow_from_the_start(
 
 
 @pytest.mark.parametrize("steps", [None, 5, "open", [None], ["open"]])
-def test_steps_that_are_none_are_refused(left: Arm, steps: Any) -> None:
+def test_invalid_steps_are_refused(left: Arm, steps: Any) -> None:
     with pytest.raises(TaskError, match="step"):
         Plan(state_at(left.neutral), steps)
 
@@ -171,7 +171,7 @@ class TestOpening:
         assert Grip("open", GripperAction.OPEN, opening_m=0.012).opening_m == 0.012
 
     @pytest.mark.parametrize("opening_m", [-1e-9, math.nan, "wide"])
-    def test_what_is_not_a_finger_position_is_refused(self, opening_m: Any) -> None:
+    def test_an_invalid_finger_position_is_refused(self, opening_m: Any) -> None:
         with pytest.raises(TaskError, match="open"):
             Grip("open", GripperAction.OPEN, opening_m=opening_m)
 
@@ -180,7 +180,7 @@ class TestOpening:
             Grip("close", GripperAction.CLOSE, "block", opening_m=0.01)
 
 
-def test_a_failure_names_all_that_collides_in_what_was_tried() -> None:
+def test_a_failure_names_all_collisions_of_its_attempts() -> None:
     contact = ContinuousContact(Clearance(-0.01, "left_wrist", "table", 0.5), 0.0, 1.0, 9, 9)
     counts = CollisionCount("left_hand", "wall", 3, -0.02), CollisionCount("a", "wall", 1, -0.1)
     tallies = (CollisionSummary("place: descend", 9, counts),)
@@ -240,7 +240,9 @@ def test_only_the_most_frequent_are_named() -> None:
     assert text.endswith("; 2 other pairs")
 
 
-def test_of_a_margin_it_tells_the_distance(manipulator: Manipulator, scene: Scene) -> None:
+def test_a_summary_with_a_margin_states_the_distance(
+    manipulator: Manipulator, scene: Scene
+) -> None:
     around = manipulator.context(
         scene, finger_m=manipulator.hand.stroke_m, touchable="block", margin_m=0.05
     )

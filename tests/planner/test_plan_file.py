@@ -191,7 +191,7 @@ def test_every_plan_comes_back_bit_by_bit(
     assert same(load_plan(path), plan)
 
 
-def test_what_a_planner_states_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
+def test_states_and_contacts_come_back_bit_by_bit(plan: Plan, file: Path) -> None:
     save_plan(plan, file)
     loaded = load_plan(file)
     assert all(step.state is not None for step in loaded)
@@ -378,7 +378,7 @@ def test_a_huge_plan_is_not_saved(plan: Plan, file: Path) -> None:
     assert not file.exists()
 
 
-def test_a_file_that_is_not_there_is_refused(file: Path) -> None:
+def test_a_missing_file_is_refused(file: Path) -> None:
     with pytest.raises(PlanFileError, match="cannot be read: No such file"):
         load_plan(file)
 
@@ -405,7 +405,7 @@ def test_a_link_to_a_plan_stays_a_link(plan: Plan, tmp_path: Path, file: Path) -
 
 
 @pytest.mark.parametrize("path", ["a\0b", 3, None])
-def test_a_path_that_is_none_is_refused(plan: Plan, path: Any) -> None:
+def test_an_invalid_path_is_refused(plan: Plan, path: Any) -> None:
     with pytest.raises(PlanFileError):
         load_plan(path)
     with pytest.raises(PlanFileError):
@@ -436,12 +436,18 @@ def test_a_failed_write_keeps_the_old_file(
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.parametrize("certificate", [[1], np.zeros((3, 3)), {"a": {1}}, {"a": float("nan")}])
+def test_a_certificate_is_json_data(plan: Plan, file: Path, certificate: Any) -> None:
+    with pytest.raises(PlanFileError, match="certificate must be"):
+        save_plan(plan, file, certificate=certificate)
+
+
 def test_only_plans_are_saved(file: Path) -> None:
-    with pytest.raises(PlanFileError, match="only a Plan can be saved, got dict"):
+    with pytest.raises(PlanFileError, match="plan must be of class Plan, got dict"):
         save_plan({}, file)  # type: ignore[arg-type]
 
 
-def test_what_is_not_finite_is_not_saved(plan: Plan, file: Path) -> None:
+def test_values_that_are_not_finite_are_not_saved(plan: Plan, file: Path) -> None:
     move = evolve(plan.moves[0], clearance=Clearance(float("inf"), "a", "b"))
     steps = tuple(move if step is plan.moves[0] else step for step in plan)
     with pytest.raises(PlanFileError, match=r"clearance\.distance_m must be a finite number"):

@@ -1,4 +1,4 @@
-"""What a row over a box of joint angles concludes holds anywhere in it, and traces lead as told."""
+"""Conclusions of rows hold anywhere in their boxes, and traces lead through all of a tube."""
 
 from __future__ import annotations
 
@@ -178,9 +178,7 @@ def test_halves_cover_the_tube(clusters: Clusters, pairs: list[Pair], tube: Tube
             assert (inside.all(axis=1) & (rows.start <= at) & (at <= rows.end)).any()
 
 
-def test_a_half_in_which_nothing_is_possible_is_left_out(
-    clusters: Clusters, pairs: list[Pair], tube: Tube
-) -> None:
+def test_an_empty_half_is_left_out(clusters: Clusters, pairs: list[Pair], tube: Tube) -> None:
     letters = [CUT_JOINT, CUT_TIME, SEPARATED, SEPARATED, CUT_TIME, SEPARATED]
     rows, _ = box_rows(clusters, pairs[:1], tube, traced(letters, 3))
     spans = list(zip(rows.start.tolist(), rows.end.tolist(), strict=True))
@@ -205,7 +203,7 @@ def test_a_malformed_trace_is_refused(
         box_rows(clusters, pairs[:1], tube, traced(letters, apart))
 
 
-def test_what_cannot_be_cut_is_refused(clusters: Clusters, pairs: list[Pair]) -> None:
+def test_cuts_of_leaves_and_points_are_refused(clusters: Clusters, pairs: list[Pair]) -> None:
     q = np.zeros((2, 7))
     for letter in (CUT_TIME, CUT_JOINT + 2):
         with pytest.raises(NotCertifiedError, match="cannot be cut"):
@@ -221,7 +219,7 @@ def test_a_direction_without_a_length_is_refused(
             box_gaps_m(own, clusters, pairs, boxes, np.full((1, 3), n))
 
 
-def test_what_slides_while_joints_move_is_refused(
+def test_movers_that_slide_while_joints_move_are_refused(
     own: Robot, clusters: Clusters, pairs: list[Pair]
 ) -> None:
     sliding = evolve(pairs[0], first=evolve(pairs[0].first, slide_m=(0.0, 0.01)))
@@ -230,6 +228,6 @@ def test_what_slides_while_joints_move_is_refused(
         box_gaps_m(own, clusters, [sliding], boxes, np.ones((1, 3)))
 
 
-def test_no_rows_conclude_nothing(own: Robot, clusters: Clusters, pairs: list[Pair]) -> None:
+def test_no_rows_have_no_conclusions(own: Robot, clusters: Clusters, pairs: list[Pair]) -> None:
     none = random_boxes(pairs, clusters, np.random.default_rng(9), 1).only([])
     assert box_gaps_m(own, clusters, [], none, np.zeros((0, 3))).shape == (0,)

@@ -1,4 +1,4 @@
-"""A planned cycle is certified; what was tampered with is refused, with its reason."""
+"""A planned cycle is certified; every change of plan, world or certificate is refused."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from planner.certificate.checking import Certified, Witness, check, read_plan
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
 from planner.certificate.rows import BY_MIDDLES, CUT_TIME
-from planner.certificate.timeline import StepWitness, Timeline
-from planner.prover.witness import witness_of
+from planner.certificate.timeline import Timeline
 from planner.verification import certificate_of
+from planner.verification.witness import witness_of
 from tests.planner.certificate.conftest import checked_alone
 
 Data = dict[str, Any]
@@ -314,7 +314,7 @@ def test_a_floor_may_be_around_the_foot_of_the_robot(
     assert witness_of(timeline, body.digest, steps).trace.letters.size > 0
 
 
-def test_what_is_held_at_first_may_not_reach_into_the_palm(
+def test_a_body_held_at_first_may_not_reach_into_the_palm(
     document: Data, text: str, body: Body
 ) -> None:
     """It was believed to be enough that the pads are on it."""
@@ -466,7 +466,7 @@ def test_another_robot_is_refused(
         (b'{"format": "baxter-kin plan", "version": 3}', "version 4"),
     ],
 )
-def test_what_is_no_plan_file_is_refused(content: bytes, reason: str) -> None:
+def test_other_files_are_refused(content: bytes, reason: str) -> None:
     with pytest.raises(NotCertifiedError, match=reason):
         read_plan(content)
 
@@ -480,7 +480,3 @@ def test_a_plan_file_of_odd_entries_is_refused(
             continue  # then nothing is stated
         with pytest.raises(NotCertifiedError):
             judged({**certified, key: odd}, text, body)
-
-
-def test_a_step_may_say_nothing_of_itself() -> None:
-    assert StepWitness().contacts == {}

@@ -16,7 +16,7 @@ from planner.certificate.body import Body
 from planner.certificate.clusters import LEAF, Clusters, Shape, stated_pose, tree_of
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Interval, Pose
-from planner.certificate.touching import DistanceBounds
+from planner.certificate.timeline.touching import DistanceBounds
 from planner.scene.coal_shapes import coal_pose, coal_shape
 
 ROUNDING_M = 1e-12
@@ -113,7 +113,7 @@ def test_the_leaves_are_the_triangles(count: int) -> None:
     assert found == sorted(corners.tolist())
 
 
-def test_what_several_trees_are_joined_to_contains_them() -> None:
+def test_a_joined_tree_contains_its_parts() -> None:
     rng, clusters = np.random.default_rng(4), Clusters()
     roots = [
         clusters.add(tree_of(bumpy(rng, 20)), Pose.of_urdf(rng.uniform(-1, 1, 3), [0.3, 0.2, 0.1]))
@@ -125,7 +125,7 @@ def test_what_several_trees_are_joined_to_contains_them() -> None:
         assert (clusters.lowest(np.full(40, root), directions) >= least).all()
 
 
-def test_every_node_of_what_is_filled_reaches_to_its_middle(body: Body) -> None:
+def test_every_node_of_a_filled_tree_reaches_to_its_middle(body: Body) -> None:
     link = next(each for each in body.shapes if each.shape.size > 1)
     clusters = Clusters()
     root = clusters.add(link.shape, link.T_link_shape, is_filled=True)
@@ -153,7 +153,7 @@ SHAPE = {"type": "Box", "size_m": [0.1, 0.1, 0.1]}
         {"type": "Mesh", "vertices": [], "triangles": []},
     ],
 )
-def test_a_shape_that_is_none_is_refused(change: dict[str, Any]) -> None:
+def test_an_invalid_shape_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(NotCertifiedError):
         Shape.of_file({**SHAPE, **change}, "block")
 
@@ -168,7 +168,7 @@ def test_a_shape_that_is_none_is_refused(change: dict[str, Any]) -> None:
         {"rotation": "none", "translation": np.zeros(3)},
     ],
 )
-def test_a_pose_that_is_none_is_refused(data: dict[str, Any]) -> None:
+def test_an_invalid_pose_is_refused(data: dict[str, Any]) -> None:
     with pytest.raises(NotCertifiedError):
         stated_pose(data, "block")
 

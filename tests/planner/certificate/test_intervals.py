@@ -9,15 +9,18 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from planner.certificate.intervals import (
     MAX_ANGLE,
     Interval,
     Pose,
+    axis_angle,
     cos_sin,
     norm_bound,
     product,
     rotation,
+    turns_about,
 )
 
 NUMBERS = st.floats(-1e3, 1e3)
@@ -66,7 +69,7 @@ def test_sines_and_cosines_contain_the_exact_value_and_are_tight(angle: float) -
         assert float(enclosed.high - enclosed.low) < WIDEST
 
 
-def test_greater_angles_are_refused() -> None:
+def test_larger_angles_are_refused() -> None:
     for angle in (4.1, -5.0, np.nan):
         with pytest.raises(ValueError, match="beyond 4 rad"):
             cos_sin(Interval(angle))
@@ -89,7 +92,7 @@ def test_a_pose_times_its_inverse_contains_the_identity() -> None:
     assert (still.p.high >= 0.0).all()
 
 
-def test_many_rotations_are_those_one_by_one() -> None:
+def test_rotations_of_an_array_equal_single_ones() -> None:
     angles = np.linspace(-3.0, 3.0, 7)
     many = rotation(2, Interval(angles))
     for i, angle in enumerate(angles):
@@ -102,3 +105,15 @@ def test_many_rotations_are_those_one_by_one() -> None:
 def test_a_bound_on_a_length_is_not_less(vector: list[float]) -> None:
     bound = Fraction(float(norm_bound(np.array(vector))))
     assert bound * bound >= sum(Fraction(x) ** 2 for x in vector)
+
+
+def test_axis_and_angle_give_the_rotation_back() -> None:
+    rng = np.random.default_rng(7)
+    for angle in (0.0, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi):
+        for _ in range(20):
+            axis = rng.normal(size=3)
+            R = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
+            found, turned = axis_angle(R)
+            again, error = turns_about(found, Interval([turned])).centred()
+            np.testing.assert_allclose(again[0], R, atol=1e-12)
+            assert error < 1e-13

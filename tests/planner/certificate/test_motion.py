@@ -1,4 +1,4 @@
-"""Bounds on a motion hold at instants drawn at random; what exceeds a limit is refused."""
+"""Bounds on a motion hold at random instants; a motion beyond a limit is refused."""
 
 from __future__ import annotations
 

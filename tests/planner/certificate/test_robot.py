@@ -75,13 +75,13 @@ def test_links_hang_where_pinocchio_has_them(anyone: Baxter) -> None:
         (r'parent link="left_upper_elbow"', 'parent link="left_gripper"', "circle"),
     ],
 )
-def test_a_urdf_that_is_odd_is_refused(text: str, pattern: str, instead: str, reason: str) -> None:
+def test_an_invalid_urdf_is_refused(text: str, pattern: str, instead: str, reason: str) -> None:
     changed = re.sub(pattern, instead, text, count=1)
     assert changed != text
     with pytest.raises((NotCertifiedError, ValueError), match=reason):
         Robot(changed, "left")
 
 
-def test_an_arm_that_is_not_there_is_refused(text: str) -> None:
+def test_a_missing_arm_is_refused(text: str) -> None:
     with pytest.raises(NotCertifiedError, match="no link middle_gripper"):
         Robot(text, "middle")

@@ -1,4 +1,4 @@
-"""What a row concludes holds at every instant: against points and instants drawn at random."""
+"""Conclusions of rows hold for random points at random instants."""
 
 from __future__ import annotations
 
@@ -147,9 +147,7 @@ def test_no_instant_is_below_what_a_row_concludes(
     assert nearest < 1e-3  # else the bound would say nothing
 
 
-def test_directions_that_say_nothing_conclude_nothing(
-    own: Robot, clusters: Clusters, step: Step
-) -> None:
+def test_zero_directions_conclude_nothing(own: Robot, clusters: Clusters, step: Step) -> None:
     judge = Judge(own, clusters, step)
     tasks = judge.tasks()
     judge.place(np.unique(np.concatenate([tasks.start_s, tasks.end_s])))
@@ -195,7 +193,7 @@ def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
         (0.01, letters(*[CUT_TIME] * 200_000), "more rows"),
     ],
 )
-def test_a_witness_that_does_not_do_is_refused(
+def test_an_insufficient_witness_is_refused(
     own: Robot, apart_m: float, given: Trace, reason: str
 ) -> None:
     clusters = Clusters()

@@ -21,7 +21,7 @@ from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.mover import Mover, Walk, about_z
 from planner.collision.proof import prove_move
-from planner.prover.kernel import SHARES
+from planner.prover.problem import SHARES
 
 GJK_M = 2e-6
 """Two runs of coal on the same pair."""

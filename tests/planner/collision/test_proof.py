@@ -20,7 +20,7 @@ from planner.collision import ClearanceChecker, proof
 from planner.collision.distances import ACCURACY_M
 from planner.collision.proof import prove_clear
 from planner.errors import MotionError, SceneError, TrajectoryError
-from planner.prover.kernel import SHARES
+from planner.prover.problem import SHARES
 from planner.scene.bodies import Attachment, Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.bodies import CORNERS, SIDES

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import ConfigurationError
 from planner.errors import MotionError
 from planner.motion.rrt import EDGE_STEP_RAD, MAX_EDGE_RAD, search_corners
 from tests.planner.ompl import needs_ompl
@@ -251,32 +250,3 @@ def test_searches_limits_narrower_than_a_step() -> None:
 
     assert corners is not None
     assert np.array_equal(corners[-1], goal)
-
-
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [
-        ("timeout_s", 0.0),
-        ("timeout_s", float("nan")),
-        ("timeout_s", float("inf")),
-        ("timeout_s", "5"),
-        ("step_rad", 0.0),
-        ("step_rad", float("nan")),
-        ("rng", 7),
-        ("limits", None),
-    ],
-)
-def test_refuses_an_option_that_makes_no_sense(option: str, value: Any) -> None:
-    options: dict[str, Any] = {option: value}
-    with pytest.raises(MotionError):
-        search(**options)
-
-
-@pytest.mark.parametrize("q", [[0.0], [0.0, float("nan")], [0.0, 2.1], "ab", None])
-def test_refuses_an_end_that_is_no_configuration_inside_the_limits(q: Any) -> None:
-    rng = np.random.default_rng(1)
-
-    with pytest.raises(ConfigurationError):
-        search_corners(LEFT, q, LIMITS, everywhere, rng=rng, timeout_s=1.0)
-    with pytest.raises(ConfigurationError):
-        search_corners(q, RIGHT, LIMITS, everywhere, rng=rng, timeout_s=1.0)

@@ -12,6 +12,7 @@ from planner.pick_place.candidates import Candidates
 from planner.pick_place.task import PlanRequest
 from tests.conftest import at, overhead
 from tests.planner.pick_place.conftest import PICK, PLACE, TASK
+from tests.planner.toy_world import LIMITS
 
 REACHED_M = 1e-6
 
@@ -48,6 +49,8 @@ def test_a_bound_is_of_a_service_and_limits(manipulator: Manipulator) -> None:
         transfer_bound_s(5, manipulator.limits, T, T)  # type: ignore[arg-type]
     with pytest.raises(MotionError, match="limits must be of class JointLimits, got int"):
         transfer_bound_s(manipulator.ik, 5, T, T)  # type: ignore[arg-type]
+    with pytest.raises(MotionError, match="the limits are of 2 joints; an arm has 7"):
+        transfer_bound_s(manipulator.ik, LIMITS, T, T)
 
 
 def test_no_transfer_is_faster_than_its_bound(plan: Plan, manipulator: Manipulator) -> None:

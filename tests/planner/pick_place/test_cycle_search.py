@@ -120,7 +120,7 @@ class TestImpossible:
         assert plan.failure is not None
         assert plan.failure.stage == "pick: approach"
         assert re.fullmatch(
-            r"the arm is blocked where it stands: \w+ is [\d.]+ mm inside crate",
+            r"the arm is blocked at its start: \w+ is [\d.]+ mm inside crate",
             plan.failure.reason,
         )
         assert plan.failure.is_certain

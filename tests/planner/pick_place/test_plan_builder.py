@@ -135,6 +135,8 @@ def test_a_margin_that_the_robots_own_body_cannot_keep_is_told_to_be_so(
     if not is_refused:
         refuse_blocked("wait", q, alone, "here")
         return
-    with pytest.raises(NoSolutionError, match="the robot's own body cannot keep that there") as e:
+    with pytest.raises(
+        NoSolutionError, match="the robot's own links cannot keep this margin there"
+    ) as e:
         refuse_blocked("wait", q, alone, "here")
     assert e.value.failure.is_certain

@@ -57,6 +57,8 @@ SAMPLING_M = 1e-3
 """What checks 25 ms apart may miss: at 1 m/s the tip covers 25 mm between them, but the least
 clearance of these moves is at their ends, where the arm stands still."""
 
+HELD = Attachment("block", "left_gripper", at(0.0, 0.0, 0.0))
+
 SIDEWAYS = ("pick: approach", "place: approach")
 
 
@@ -374,12 +376,25 @@ class TestLineTolerance:
         assert plan.line_tolerance == wide
         assert verify(plan).is_valid
 
-    @pytest.mark.parametrize("bad", [1e-3, (1e-3, 1e-3), "strict"])
-    def test_one_that_is_none_raises(
-        self, manipulator: Manipulator, scene: Scene, bad: Any
-    ) -> None:
-        with pytest.raises(MotionError, match="line_tolerance"):
-            plan_pick_and_place(TASK, manipulator, scene, manipulator.arm.start, line_tolerance=bad)
+
+NONSENSE: list[Any] = [None, "x", 5, {}]
+
+WRONG_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
+    *(({"task": bad}, TaskError, "task") for bad in NONSENSE),
+    *(({"manipulator": bad}, TaskError, "manipulator") for bad in NONSENSE),
+    *(({"scene": bad}, SceneError, "scene") for bad in NONSENSE),
+    *(
+        ({"q_start": bad}, ConfigurationError, "q_start")
+        for bad in (None, "q", [], [0.0] * 6, [np.nan] * 7)
+    ),
+    ({"q_start": [0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0]}, ConfigurationError, "left_e1"),
+    ({"line_tolerance": 1e-3}, MotionError, "line_tolerance"),
+    ({"line_tolerance": (1e-3, 1e-3)}, MotionError, "line_tolerance"),
+    ({"held": ["block"]}, TaskError, "what the hands hold"),
+    ({"held": np.zeros(2)}, TaskError, "what the hands hold"),
+    ({"held": [HELD]}, TaskError, "the left hand holds 'block'"),
+    ({"margin_m": -0.001}, MotionError, r"margin is not negative, got -0\.001 m"),
+]
 
 
 class TestContradictions:
@@ -395,23 +410,26 @@ class TestContradictions:
         with pytest.raises(TaskError, match="'table' is not movable"):
             planned(PickAndPlace("table", PICK, PLACE), manipulator, scene)
 
-    @pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
-    def test_a_start_that_is_none_raises(
-        self, manipulator: Manipulator, scene: Scene, q: Any
+    @pytest.mark.parametrize(
+        ("given", "error", "named"),
+        WRONG_ARGUMENTS,
+    )
+    def test_a_wrong_argument_raises_by_its_name(
+        self,
+        manipulator: Manipulator,
+        scene: Scene,
+        given: dict[str, Any],
+        error: type[Exception],
+        named: str,
     ) -> None:
-        with pytest.raises(ConfigurationError, match="q_start"):
-            plan_pick_and_place(TASK, manipulator, scene, q)
-
-    @pytest.mark.parametrize("position", [0, 1, 2])
-    @pytest.mark.parametrize("bad", [None, "x", 5, {}])
-    def test_planning_with_something_else_raises(
-        self, manipulator: Manipulator, scene: Scene, position: int, bad: Any
-    ) -> None:
-        parts: list[Any] = [TASK, manipulator, scene]
-        parts[position] = bad
-        task, manipulator_or_bad, scene_or_bad = parts
-        with pytest.raises((TaskError, SceneError), match="must be of class"):
-            plan_pick_and_place(task, manipulator_or_bad, scene_or_bad, manipulator.arm.start)
+        asked: dict[str, Any] = {
+            "task": TASK,
+            "manipulator": manipulator,
+            "scene": scene,
+            "q_start": manipulator.arm.start,
+        }
+        with pytest.raises(error, match=named):
+            plan_pick_and_place(**asked | given)
 
 
 class TestStartMove:
@@ -434,7 +452,7 @@ class TestStartMove:
         plan = plan_start_move(manipulator, scene, arm.start, below.q)
         assert plan.failure is not None
         assert plan.failure.stage == "move to start"
-        assert "the arm is blocked where it shall go" in plan.failure.reason
+        assert "the arm is blocked at its goal" in plan.failure.reason
         assert "inside table" in plan.failure.reason
 
     def test_without_angles_every_joint_goes_to_zero(
@@ -453,7 +471,7 @@ class TestStartMove:
     def test_malformed_ends_raise(self, manipulator: Manipulator, scene: Scene, q: Any) -> None:
         neutral = manipulator.arm.neutral
         for ends in ((q, neutral), (neutral, q)):
-            with pytest.raises(ConfigurationError):
+            with pytest.raises(ConfigurationError, match="q_now" if ends[0] is q else "q_start"):
                 plan_start_move(manipulator, scene, *ends)
 
     @pytest.mark.parametrize("bad", [None, "left"])

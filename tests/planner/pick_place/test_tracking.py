@@ -255,7 +255,7 @@ def test_is_told_in_lines(slow: TrackingProof, full: TrackingProof) -> None:
     lines = str(slow).splitlines()
     assert lines[0] == "every path that the joints may take is clear"
     assert lines[1].startswith("  pick: approach: ")
-    assert "mm where it touches on purpose" in lines[2]
+    assert "mm in intended contacts" in lines[2]
     assert str(full).splitlines()[0] == full.failure
     assert repr(slow).startswith("TrackingProof(6 moves, valid, ")
     assert repr(slow.moves[1]).startswith("MoveTracking(pick: descend, ")
@@ -292,7 +292,7 @@ def test_a_response_that_no_speed_suits_makes_no_plan(
     plan = planned_for(tracked_plan, loose, manipulator)
     assert plan.failure is not None
     assert plan.failure.stage in {move.label for move in tracked_plan.moves}
-    assert "no speed from 0.01 on was found that would do" in plan.failure.reason
+    assert "no speed of at least 0.01 was found that passes" in plan.failure.reason
     assert plan.response is None
     assert planned_for(plan, loose, manipulator) is plan
 
@@ -361,7 +361,7 @@ def test_text_tells_every_move() -> None:
     text = str(made())
     assert text.splitlines()[1] == (
         "  lift: 20.0 mm clear, joints within 0.100 rad, tip within 10.0 mm of its path, 5.0 mm "
-        "where it touches on purpose, 2.0 mm from its goal when settled"
+        "in intended contacts, 2.0 mm from its goal when settled"
     )
     assert str(made(failure="lift: it hits")).startswith("lift: it hits\n")
     assert repr(MOVE) == "MoveTracking(lift, 20.0 mm clear, tip up to 10.0 mm off, 5.0 mm allowed)"

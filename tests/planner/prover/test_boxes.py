@@ -16,8 +16,9 @@ from planner.certificate.rows import Pair, Step
 from planner.certificate.timeline import Timeline
 from planner.plan_file import plan_document
 from planner.prover import numpy_boxes
-from planner.prover.kernel import BoxesFound, Chain, Kernel, Outcome, Trees
-from planner.verification.prover import SoughtTimeline
+from planner.prover.kernel import Kernel, Trees
+from planner.prover.problem import BoxesFound, Chain, Outcome
+from planner.verification.witness import SoughtTimeline
 
 SHARE = 0.98
 CELLS = 200

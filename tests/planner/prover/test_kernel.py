@@ -22,9 +22,10 @@ from planner.certificate.intervals import Interval, Pose
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Advice, Mover, Pair, Step, certified_m
 from planner.plan_file import plan_document
-from planner.prover import kernel, witness
-from planner.prover.kernel import Chain, Kernel, NotShownError, Trees
+from planner.prover import kernel
+from planner.prover.kernel import Kernel, Trees
 from planner.prover.numpy_search import rows_of
+from planner.prover.problem import Chain, NotShownError
 from planner.verification import certificate_of
 
 SHARE = 0.98
@@ -109,8 +110,7 @@ def test_the_checker_certifies_what_the_kernel_says(tracked_plan: Plan, robot: B
 def test_without_a_compiler_numpy_finds_rows_that_certify_as_much(
     tracked_plan: Plan, robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(witness, "rows_kernel", lambda: None)
-    monkeypatch.setattr("planner.verification.prover.rows_kernel", lambda: None)
+    monkeypatch.setattr("planner.verification.witness.rows_kernel", lambda: None)
     document = {**plan_document(tracked_plan), "certificate": certificate_of(tracked_plan)}
     text = robot.description.text
     found = check(document, text, body=Body(text))
@@ -139,7 +139,7 @@ def test_both_searches_refuse_the_same(own: Robot, own_kernel: Kernel) -> None:
             rows_of(own, clusters, step, 0.0)
 
 
-def test_wide_things_near_to_each_other_are_told_apart(own: Robot, own_kernel: Kernel) -> None:
+def test_large_bodies_near_each_other_are_separated(own: Robot, own_kernel: Kernel) -> None:
     """It was believed that directions of numbers up to 127 do: half a metre takes 2 mm of them."""
     clusters, angle = Clusters(), 0.0031
     R = np.array(
@@ -189,7 +189,7 @@ def test_a_hollow_of_a_mesh_is_not_filled(own: Robot, own_kernel: Kernel) -> Non
     assert found.proven_m == pytest.approx(0.05, rel=0.03)
 
 
-def test_what_is_no_kernel_is_not_loaded(tmp_path: Path) -> None:
+def test_other_libraries_are_not_loaded(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nothing"):
         Kernel(str(tmp_path / "nothing.so"))
     with pytest.raises(OSError, match="has no rows"):

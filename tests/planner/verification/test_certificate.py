@@ -1,4 +1,4 @@
-"""A certificate: what passes, what it says, and which plan and world it is of."""
+"""Certificates: verdicts, text and data, and the plan and world that one is of."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_data_has_every_check(certificate: Certificate) -> None:
     assert [check["name"] for check in data["checks"]] == [c.name for c in certificate.checks]
 
 
-def test_a_certificate_is_that_of_the_plan_and_world_it_was_made_of(
+def test_a_certificate_is_of_its_own_plan_and_world_alone(
     cube_plan: Plan, cube_certificate: Certificate
 ) -> None:
     again = State(Scene(cube_plan.start.scene.bodies), cube_plan.start.joints)
@@ -67,7 +67,7 @@ def test_a_certificate_for_another_arm_than_the_plan_is_sent_to_is_of_no_plan(
     assert verify(cube_plan, response=stated.response).is_of(cube_plan)
 
 
-def test_a_certificate_that_somebody_wrote_is_of_no_plan(cube_plan: Plan) -> None:
+def test_a_certificate_without_a_subject_is_of_no_plan(cube_plan: Plan) -> None:
     assert not Certificate("left", 1.0, ()).is_of(cube_plan)
 
 
@@ -106,7 +106,7 @@ def test_a_value_without_a_number_is_null_in_json() -> None:
     assert data["checks"][0]["relation"] == "<="
 
 
-def test_there_is_no_check_of_another_name() -> None:
+def test_an_unknown_check_is_refused() -> None:
     with pytest.raises(UnknownNameError):
         _ = Certificate("left", 2.0, ())["velocity limit"]
 
@@ -120,7 +120,7 @@ def test_a_certificate_from_another_process_is_of_no_plan(
     assert not sent.is_of(cube_plan)
 
 
-def test_the_worst_is_the_greatest_or_the_least_and_of_none_says_why() -> None:
+def test_the_worst_of_nothing_gives_the_reason() -> None:
     found = [Worst(1.0, "a"), Worst(3.0, "b"), Worst(-2.0, "c")]
     assert greatest(found, "none") == Worst(3.0, "b")
     assert least(found, "none") == Worst(-2.0, "c")
@@ -128,7 +128,7 @@ def test_the_worst_is_the_greatest_or_the_least_and_of_none_says_why() -> None:
     assert least([], "none") == Worst(math.inf, "none")
 
 
-def test_the_checkers_reason_is_the_verdict() -> None:
+def test_the_verdict_gives_the_checkers_reason() -> None:
     checks = (check(0.5, Relation.AT_MOST, 1.0), check(math.nan, Relation.AT_LEAST, 0.0))
     found = Certificate("left", 2.0, checks, reason="pick: it jumps at a knot")
     assert not found.is_valid

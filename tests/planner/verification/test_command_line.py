@@ -50,7 +50,7 @@ def bad(plan: Plan, tmp_path: Path) -> str:
     return str(tmp_path / "bad.json")
 
 
-def test_a_files_name_is_answered_with_what_reads_it(good: str) -> None:
+def test_a_file_name_is_refused_with_a_hint_to_load_plan(good: str) -> None:
     with pytest.raises(TaskError, match="load_plan reads a file"):
         verify(good)  # type: ignore[arg-type]
 
@@ -62,7 +62,7 @@ def test_a_valid_plan_exits_with_0(good: str, capsys: pytest.CaptureFixture[str]
     assert not said.err
 
 
-def test_a_plan_that_is_not_valid_exits_with_1_and_says_why(
+def test_an_invalid_plan_exits_with_1_and_the_reason(
     bad: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([bad]) == 1
@@ -74,7 +74,7 @@ def test_a_plan_that_is_not_valid_exits_with_1_and_says_why(
     assert len(said.err.splitlines()) == 1
 
 
-def test_quiet_says_nothing_but_what_failed(
+def test_quiet_prints_only_failures(
     good: str, bad: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (main([good, "-q"]), main([bad, "-q"])) == (0, 1)
@@ -90,12 +90,14 @@ def test_json_is_the_certificate(bad: str, capsys: pytest.CaptureFixture[str]) -
     assert data["checks"][0]["name"] == "failed steps"
 
 
-def test_a_move_can_be_said_to_be_straight(good: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_straight_adds_a_move_to_judge_as_straight(
+    good: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([good, "-q", "--straight", "reach out"]) == 1
     assert "off its line" in capsys.readouterr().err
 
 
-def test_limits_can_be_said(
+def test_acceleration_and_jerk_set_the_limits(
     plan: Plan, manipulator: Manipulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     harder = evolve(manipulator.limits, a_max=np.full(7, 3.0), j_max=np.full(7, 30.0))
@@ -110,7 +112,7 @@ def test_limits_can_be_said(
     assert "j_max of left_s0 must be" in capsys.readouterr().err
 
 
-def test_a_preset_of_limits_can_be_said(
+def test_limits_selects_a_preset(
     plan: Plan, manipulator: Manipulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     harder = manipulator.limits.preset("torque-control")
@@ -123,10 +125,10 @@ def test_a_preset_of_limits_can_be_said(
     assert "\njudged by 2 .. 8 rad/s^2 and 40 rad/s^3, " in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main([file, "--limits", "safe", "--jerk", "3"])
-    assert "--limits says acceleration and jerk" in capsys.readouterr().err
+    assert "--limits sets acceleration and jerk" in capsys.readouterr().err
 
 
-def test_an_arm_that_lags_can_be_said(
+def test_response_adds_checks_of_an_arm_that_lags(
     good: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = str(tmp_path / "left.json")

@@ -1,4 +1,4 @@
-"""A good plan is certified; each way to spoil it is refused, for the reason that it concerns."""
+"""A good plan is certified; each way to spoil it is refused with its own reason."""
 
 from __future__ import annotations
 
@@ -238,7 +238,7 @@ def pushed_into_a_neighbour(plan: Plan) -> Plan:
         (instead(STEM, BAR, T=ON_TABLE), "block"),
     ],
 )
-def test_fingers_may_not_meet_what_they_do_not_close_on(
+def test_fingers_may_not_touch_bodies_that_they_do_not_close_on(
     cube_plan: Plan, change: Change, reason: str
 ) -> None:
     refused(change(cube_plan), reason)
@@ -266,7 +266,7 @@ def test_the_other_arm_in_the_way_is_found(plan: Plan, robot: Baxter) -> None:
     refused(evolve(plan, start=evolve(plan.start, joints=joints)), "right_|r_gripper")
 
 
-def test_what_the_other_hand_holds_is_in_the_way(cube_plan: Plan, holding: State) -> None:
+def test_a_body_in_the_other_hand_is_an_obstacle(cube_plan: Plan, holding: State) -> None:
     crossing = at(0.70, 0.15, TABLE_M + 0.06)
     rod = Body("stick", (Part(Box((0.3, 0.006, 0.006)), at(0, 0, 0)),), crossing)
     tip, scene = holding.scene["stick"].T_base_body, holding.scene.without("stick")
@@ -274,7 +274,7 @@ def test_what_the_other_hand_holds_is_in_the_way(cube_plan: Plan, holding: State
     refused(cube_plan, "stick", State(scene.with_body(rod), holding.joints, (held,)))
 
 
-def test_what_is_held_stands_where_its_hand_is(cube_plan: Plan, holding: State) -> None:
+def test_a_held_body_away_from_its_hand_is_refused(cube_plan: Plan, holding: State) -> None:
     away = holding.scene["stick"].T_base_body * at(0.0, 0.0, 0.01)
     elsewhere = evolve(holding, scene=holding.scene.moved("stick", away))
     refused(cube_plan, "stick stands 10.00 mm off the hand", elsewhere)
@@ -493,7 +493,7 @@ def test_statements_about_another_world_are_not_compared(tracked_plan: Plan) -> 
     T = scene["block"].T_base_body * at(0.0, 0.001, 0.0)
     found = verify(tracked_plan, evolve(tracked_plan.start, scene=scene.moved("block", T)))
     assert found.is_valid, found.verdict
-    assert found["stated proofs beyond what is certified"].where == "nothing is stated"
+    assert found["stated proofs beyond what is certified"].where == "no proofs are stated"
 
 
 def mutated(plan: Plan, number: int, **changes: object) -> Plan:
@@ -597,7 +597,7 @@ def test_wrong_arguments_are_refused(plan: Plan, world: Scene, manipulator: Mani
         ("plan", {}, "plan must be of class Plan"),
         (plan, {"state": State(world, {})}, "no joint head_pan"),
         (plan, {"straight": ["pick: lift"]}, "no move 'pick: lift'"),
-        (plan, {"limits": foreign}, "the limits are those of right_s0"),
+        (plan, {"limits": foreign}, "the limits are of right_s0"),
         (plan, {"response": 0.4}, "response"),
     ]
     for given, arguments, reason in asked:

@@ -1,4 +1,4 @@
-"""Motions of others: what is certified is clear by coal; what is not has a pair and an instant."""
+"""Certified motions are clear by coal; others have a pair and an instant that coal confirms."""
 
 from __future__ import annotations
 
@@ -29,11 +29,9 @@ from planner.certificate.checking import check
 from planner.certificate.errors import NotCertifiedError
 from planner.errors import PlanFileError, TaskError, TrajectoryError
 from planner.plan_file import plan_document
-from planner.prover import witness
-from planner.prover.kernel import SHARES
-from planner.prover.witness import witness_of
+from planner.prover.problem import SHARES
 from planner.verification import MotionCertificate, PolynomialMotion, certify
-from planner.verification.prover import SoughtTimeline, body_of
+from planner.verification.witness import SoughtTimeline, body_of, witness_of
 from tests.conftest import at
 from tests.planner.certificate.conftest import checked_alone
 
@@ -154,7 +152,7 @@ def split(motion: PolynomialMotion) -> PolynomialMotion:
     return PolynomialMotion(np.array(knots), np.array(rows), is_timed=motion.is_timed)
 
 
-def test_the_same_motion_written_otherwise_is_judged_the_same(
+def test_another_representation_of_a_motion_is_judged_the_same(
     motions: list[PolynomialMotion], over: Array, before_wall: State
 ) -> None:
     """Bounds on speeds in shorter pieces are tighter, so rows may show a little more."""
@@ -218,7 +216,7 @@ def test_a_path_bends_over_the_wall_and_its_short_cut_does_not(
     assert "wall" in short.pair
 
 
-def test_what_is_not_judged_is_said(
+def test_limits_that_are_not_judged_are_listed(
     motions: list[PolynomialMotion], before_wall: State, over: Array
 ) -> None:
     quintic, path, _ = motions
@@ -239,7 +237,7 @@ def test_what_is_not_judged_is_said(
     assert "position beyond its limit, joint 2" in certify(beyond, "left", before_wall).reason
 
 
-def test_contacts_are_the_callers_and_are_printed(tracked_plan: Plan) -> None:
+def test_assumed_contacts_are_listed(tracked_plan: Plan) -> None:
     moves = {move.label: move for move in tracked_plan.moves}
     descend = moves["place: descend"]
     assert descend.state is not None
@@ -295,7 +293,6 @@ def test_without_a_compiler_a_margin_is_certified(
     quintic: PolynomialMotion, before_wall: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full_m = certify(quintic, "left", before_wall).clearance_m
-    monkeypatch.setattr(witness, "rows_kernel", lambda: None)
     monkeypatch.setattr("planner.verification.motion_certificate.rows_kernel", lambda: None)
     assert 0.005 <= certify(quintic, "left", before_wall).clearance_m <= full_m / 0.98
 
@@ -312,7 +309,7 @@ def saved(
     return path
 
 
-def test_a_file_is_checked_where_numpy_alone_is(saved: Path, robot: Baxter) -> None:
+def test_a_file_is_checked_with_numpy_alone(saved: Path, robot: Baxter) -> None:
     said = checked_alone(saved, robot.description.text)
     assert "certified: " in said
     assert "not judged: limits of jerk" in said
@@ -459,14 +456,14 @@ def test_neither_a_plan_holds_a_motion_nor_a_motion_a_move(
         lambda q: PolynomialMotion(np.arange(3.0), np.array([[q[0], q[1]], [q[0], q[1]]])),
     ],
 )
-def test_what_is_no_motion_is_refused(
+def test_an_invalid_motion_is_refused(
     over: Array, make: Callable[[Array], PolynomialMotion]
 ) -> None:
     with pytest.raises(TrajectoryError):
         make(over)
 
 
-def test_what_does_not_fit_the_situation_is_refused(
+def test_arguments_that_do_not_match_the_state_are_refused(
     over: Array, before_wall: State, manipulator: Manipulator, plan: Plan
 ) -> None:
     stay = Trajectory.stay(over[0], manipulator.limits)

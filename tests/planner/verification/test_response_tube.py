@@ -1,4 +1,4 @@
-"""The second tube: no simulated arm outside, and little wider than the planner's."""
+"""No simulated arm leaves the tube, which is little wider than the planner's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Certificates of plans: what the rows of each step are, and what leads the checker besides.
+"""Search for what a plan's certificate states: rows, how fingers close, and what bodies touch.
 
 Nothing of it is trusted; the checker decides.
 """
@@ -6,6 +6,7 @@ Nothing of it is trusted; the checker decides.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,43 +21,55 @@ from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Pose
 from planner.certificate.motion import Polynomials
 from planner.certificate.robot import ARM_JOINTS, Robot
-from planner.certificate.timeline import PRESS_M, Limits, StepWitness, Timeline
-from planner.certificate.touching import DistanceBounds
+from planner.certificate.rows import Step, Trace
+from planner.certificate.timeline import (
+    PRESS_M,
+    Limits,
+    Situation,
+    StepWitness,
+    Timeline,
+    distance_m,
+)
+from planner.certificate.timeline.touching import DistanceBounds
 from planner.errors import TaskError
 from planner.plan import Plan
-from planner.plan_file import plan_document
-from planner.prover.kernel import SHARES, NotShownError, rows_kernel
-from planner.prover.witness import witness_of
+from planner.plan_file import check_size, plan_document
+from planner.prover.kernel import Trees, rows_kernel
+from planner.prover.numpy_search import rows_of
+from planner.prover.problem import SHARES, Chain, NotShownError, Rows
 
 LIFTED_M = 1.2 * PRESS_M
-"""A body that is lifted so far touches nothing any more, as deep as it may have pressed."""
+"""Height above its support at which a body touches nothing, however deep it was pressed in."""
 
 INSTANTS = 1001
-"""How many are looked at to find when."""
+"""Number of instants of a move at which this height is looked for."""
 
-LESS_M = 1e-5
-"""How much less than a step states is asked for, as fingers close a little otherwise here."""
+STATED_EXCESS_M = 1e-5
+"""By how much a step's stated clearance may exceed the one found here, as fingers close a little
+differently."""
 
 CLOSED_M = 1e-6
-"""How near a finger comes to a body that it closes on; the checker asks for ten times as much."""
+"""Distance of a closed finger from its body; the checker allows ten times as much."""
 
 
 def certificate_of(plan: Plan, description: RobotDescription | None = None) -> Mapping[str, Json]:
-    """The certificate of a plan, as `save_plan` takes it and `planner.certificate` checks it.
+    """The certificate of a plan, for `save_plan`; `planner.certificate` checks it.
 
-    Each step is certified to keep 0.98 of the least distance that is met in it; less where that
-    cannot be shown. Without a C compiler, the distances are those that the plan states.
+    The certified clearance of each step is 0.98 of the smallest distance found in it, or less where
+    that cannot be proven. Without a C compiler, it is the clearance that the plan states.
 
     Args:
-        plan: a plan.
+        plan: the plan.
         description: the robot that it is for; the stock robot when not given.
 
     Raises:
-        TaskError: when the plan cannot be certified; says why.
+        TaskError: when an argument is of another class, or the plan cannot be certified; gives the
+            reason.
     """
     known = RobotDescription.installed() if description is None else description
     expect(known, RobotDescription, "description", TaskError)
-    document = plan_document(expect(plan, Plan, "plan", TaskError))
+    check_size(expect(plan, Plan, "plan", TaskError), plan.start, TaskError)
+    document = plan_document(plan)
     try:
         witness = SoughtTimeline(document, known.text).witness()
         check(document, known.text, body=body_of(known.text), certificate=witness)
@@ -65,18 +78,61 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
     return witness.for_file()
 
 
+def witness_of(
+    timeline: Timeline,
+    body: str,
+    steps: Sequence[StepWitness],
+    *,
+    margins_m: Sequence[float] | None = None,
+    share: float = 0.0,
+) -> Witness:
+    """Find the rows of all steps of a plan.
+
+    Args:
+        timeline: made with the same witnesses of steps.
+        body: digest of the file of clusters.
+        steps: the witness of each step of the plan, but for its margin.
+        margins_m: the clearance that each step must keep; 0 when not given.
+        share: of the smallest distance found, what is to be proven as well; ignored without a C
+            compiler.
+
+    Raises:
+        NotShownError: when no rows are found.
+    """
+    asked = [0.0] * len(steps) if margins_m is None else margins_m
+    kernel = rows_kernel()
+    trees = None if kernel is None else Trees.of(kernel, timeline.clusters)
+    chain = Chain.of(timeline.robot)
+
+    def rows(step: Step, margin_m: float) -> Rows:
+        if kernel is None or trees is None:
+            return rows_of(timeline.robot, timeline.clusters, step, margin_m)
+        return kernel.rows(chain, trees, step, margin_m=margin_m, share=share)
+
+    kept = [np.inf] * len(steps)
+    traces = []
+    for step, number in zip(timeline.steps, timeline.numbers, strict=True):
+        found = rows(step, 0.0 if number is None else asked[number])
+        traces.append(found.trace)
+        if number is not None:
+            kept[number] = min(kept[number], found.proven_m)
+    proven = [max(0.0, margin) if np.isfinite(margin) else 0.0 for margin in kept]
+    witnesses = tuple(replace(s, margin_m=m) for s, m in zip(steps, proven, strict=True))
+    return Witness(body, witnesses, Trace.joined(traces))
+
+
 @lru_cache(maxsize=2)
 def body_of(urdf: str) -> Body:
-    """The clusters of a robot, which are read once."""
+    """The clusters of a robot, read once."""
     return Body(urdf)
 
 
 def _attempts(
     proofs: Sequence[Mapping[str, Any] | None], less_m: float
 ) -> Iterator[tuple[list[float], float]]:
-    """What is asked of the rows, the most first: margins of all steps, m, and a share.
+    """What the rows are asked to prove, the most first: margins of all steps, m, and a share.
 
-    That which the plan states is asked for too, so that it is proven where it is true.
+    The stated clearances are asked for as well, so that they are proven where they are true.
     """
     stated = [max(0.0, proof["proven_m"] - less_m) if proof else 0.0 for proof in proofs]
     if rows_kernel() is None:
@@ -92,7 +148,7 @@ class SoughtTimeline(Timeline):
     """A timeline that finds how fingers close and what held bodies touch, step by step.
 
     Attributes:
-        found: what a certificate says of each step, but for its margin.
+        found: the witness of each step, but for its margin.
     """
 
     def __init__(
@@ -101,9 +157,9 @@ class SoughtTimeline(Timeline):
         """Follow a plan to its end.
 
         Args:
-            document: what a plan file holds.
+            document: the content of a plan file.
             urdf: text of the robot's URDF.
-            limits: what accelerations and jerks are judged by; the presets when not given.
+            limits: maximum accelerations and jerks; the presets when not given.
         """
         self.found: list[StepWitness] = []
         plan, states = document["plan"], document["states"]
@@ -112,9 +168,11 @@ class SoughtTimeline(Timeline):
         super().__init__(plan, states, robot, self._body, unknown, limits=limits)
 
     def witness(self) -> Witness:
-        """What leads the checker through the plan."""
+        """The certificate with the greatest clearances that can be proven."""
         robot = self.robot
-        less_m = LESS_M + 2.0 * robot.skew * robot.stroke_m  # by which the checker widens fingers
+        less_m = (
+            STATED_EXCESS_M + 2.0 * robot.skew * robot.stroke_m
+        )  # the checker widens fingers by it
 
         def found(margins_m: Sequence[float], share: float) -> Witness:
             digest = self._body.digest
@@ -130,14 +188,14 @@ class SoughtTimeline(Timeline):
         first, *others, last = _attempts(proofs, less_m)
         best = shown(*first)
         if best is None:
-            least = found(*last)  # where this cannot be shown, nothing can
+            least = found(*last)  # raises where not even this can be shown
             best = next(filter(None, (shown(*asked) for asked in others)), least)
         return best
 
     def _witness(
         self,
         number: int,
-        now: Any,
+        now: Situation,
         motion: Polynomials | None = None,
         puts_down: bool = False,
     ) -> StepWitness:
@@ -147,7 +205,7 @@ class SoughtTimeline(Timeline):
         if motion is not None and now.held is not None:
             name, T_joint_body = now.held
             for is_meant, is_first in ((now.taken, True), (puts_down, False)):
-                T = self._joint_pose(motion.start[0] if is_first else motion.end[0])
+                T = self.bodies.joint_pose(motion.start[0] if is_first else motion.end[0])
                 T = T * T_joint_body
                 touched = list(self._supports(name, T, now.at, stated)) if is_meant else []
                 if touched:
@@ -160,20 +218,20 @@ class SoughtTimeline(Timeline):
         return self.found[-1]
 
     def _require_tip(self, step: Mapping[str, Any], motion: Polynomials) -> None:
-        """The checker judges tips and lines; no witness leads it there."""
+        """Skipped: tips and lines need no witness, and the checker judges them."""
 
     def _supports(
         self, name: str, T: Pose, at: Mapping[str, Pose], stated: set[str]
     ) -> Iterator[str]:
-        """The bodies that one stands on, or is stated to."""
+        """The bodies that a body stands on, or is stated to stand on."""
         for other, T_other in at.items():
             if other != name:
                 within_m = (2.0 if other in stated else 1.0) * PRESS_M
-                if self._distance_m(name, T, other, T_other, within_m) <= within_m:
+                if distance_m(self.bodies, name, T, other, T_other, enough_m=within_m) <= within_m:
                     yield other
 
     def _window(self, motion: Polynomials, *, is_first: bool) -> tuple[float, float]:
-        """When the tip is less than `LIFTED_M` above where a move starts, or ends."""
+        """When the tip is less than `LIFTED_M` above the start or the end of a move."""
         times_s = np.linspace(0.0, motion.duration_s, INSTANTS)
         heights = self.robot.tips(motion.at(times_s)).p.centred()[0][:, 2]
         away = np.flatnonzero(heights > heights[0 if is_first else -1] + LIFTED_M)
@@ -181,14 +239,14 @@ class SoughtTimeline(Timeline):
             return 0.0, float(times_s[away[0]] if len(away) else times_s[-1])
         return float(times_s[away[-1]] if len(away) else 0.0), motion.duration_s
 
-    def _closing(self, label: str, name: str, now: Any) -> tuple[float, float, float]:
-        """How far the hand is open when a finger touches, and at the end, and how far it pushes.
+    def _closing(self, label: str, name: str, now: Situation) -> tuple[float, float, float]:
+        """The hand's opening when a finger touches a body and at the end, and how far it is pushed.
 
         The finger that touches first pushes the body until the other one touches.
         """
         opening_m: float = now.opening_m
-        T = self._joint_pose(now.arm[0]).inverse() * now.at[name]
-        root = self._mover(name, T, ARM_JOINTS).root
+        T = self.bodies.joint_pose(now.arm[0]).inverse() * now.at[name]
+        root = self.bodies.mover(name, T, ARM_JOINTS).root
         ways = {f: self._way_m(f, root, opening_m) for f in self.robot.fingers}
         for finger, way_m in ways.items():
             if way_m <= -PRESS_M and self._is_over(finger, root, opening_m):
@@ -202,21 +260,21 @@ class SoughtTimeline(Timeline):
         return min(opening_m, opening_m - min(towards_y, other)), end_m, push_m
 
     def _is_over(self, finger: str, root: int, opening_m: float) -> bool:
-        """Whether a finger touches a body even if it is drawn back a little."""
+        """Whether a finger touches a body even when it is drawn back by `PRESS_M`."""
         shift = np.array([0.0, self.robot.fingers[finger] * opening_m, -PRESS_M])
         distances = DistanceBounds(self.clusters)
-        return distances.bound_m(self._fingers[finger], root, shift, CLOSED_M) <= CLOSED_M
+        return distances.bound_m(self.bodies.fingers[finger], root, shift, CLOSED_M) <= CLOSED_M
 
     def _way_m(self, finger: str, root: int, opening_m: float) -> float:
-        """How far a finger closes until it is at a body, by conservative advancement.
+        """How far a finger closes until it touches a body, by conservative advancement.
 
-        It begins farther open, as it may press in a little at first.
+        It starts farther open, as it may press in a little at first.
         """
         way_m, sign = -PRESS_M, self.robot.fingers[finger]
         distances = DistanceBounds(self.clusters)
         while way_m <= 2.0 * opening_m:
             shift = np.array([0.0, sign * (opening_m - way_m), 0.0])
-            away_m = distances.bound_m(self._fingers[finger], root, shift, CLOSED_M)
+            away_m = distances.bound_m(self.bodies.fingers[finger], root, shift, CLOSED_M)
             if away_m <= CLOSED_M:
                 return way_m
             way_m += max(away_m - 0.5 * CLOSED_M, 0.5 * CLOSED_M)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.spatial.transform import Rotation
 
 from baxter_kin import Baxter
 from planner import (
@@ -21,7 +20,6 @@ from planner import (
 )
 from planner.certificate.checking import check
 from planner.certificate.errors import NotCertifiedError
-from planner.certificate.intervals import Interval, axis_angle, turns_about
 from planner.errors import TaskError
 from planner.plan_file import plan_document
 from planner.state import State
@@ -102,15 +100,3 @@ def test_a_line_that_turns_unevenly_is_refused(
     joined = Trajectory(manipulator.limits, knots_s, q, v, a, np.vstack([astray.j, back.j]))
     with pytest.raises(TaskError, match=r"from its line|off its line"):
         certificate_of(straight(manipulator, joined))
-
-
-def test_axis_and_angle_give_the_rotation_back() -> None:
-    rng = np.random.default_rng(7)
-    for angle in (0.0, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi):
-        for _ in range(20):
-            axis = rng.normal(size=3)
-            R = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
-            found, turned = axis_angle(R)
-            again, error = turns_about(found, Interval([turned])).centred()
-            np.testing.assert_allclose(again[0], R, atol=1e-12)
-            assert error < 1e-13

@@ -1,8 +1,8 @@
-"""Upper bounds on distances: two points, each proven to be in its cluster, are so far apart.
+"""Upper bounds on distances: the distance of two points, each proven to be in its cluster.
 
-Where they are is found by the algorithm of Gilbert, Johnson and Keerthi in doubles. It is not
-trusted: what it gives are weights of points, and a convex combination of points of a cluster is in
-the cluster whatever the weights are.
+The points are found by the algorithm of Gilbert, Johnson and Keerthi in doubles. It is not trusted:
+its result is weights of points, and a convex combination of points of a cluster is in the cluster
+whatever the weights are.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from planner.certificate.errors import require
 from planner.certificate.intervals import Array
 
 ROUNDING_M = 1e-12
-"""Of a convex combination of points within some metres."""
+"""Rounding error of a convex combination of points within some metres."""
 
 EXCESS_M = 1e-7
-"""By how much a bound may be above the least one, as many pairs may be equally near."""
+"""By how much a bound may exceed the smallest one, as many pairs may be equally near."""
 
 MAX_ITERATIONS = 40
 MAX_PAIRS = 2000
-"""Pairs of nodes that are looked at; beyond, the bound is what was found by then."""
+"""Maximum number of pairs of nodes that are examined; then the best bound so far is returned."""
 
-MAX_LOOKS = 5000
-"""Pairs of nodes that are looked at for one plan; some 50 for a pick and place."""
+MAX_PAIRS_OF_PLAN = 5000
+"""Likewise for one plan; a pick and place takes about 50."""
 
 
 class DistanceBounds:
-    """Upper bounds on distances of trees; the work for one plan is limited to `MAX_LOOKS`."""
+    """Upper bounds on distances of trees, for up to `MAX_PAIRS_OF_PLAN` pairs of nodes."""
 
     def __init__(self, clusters: Clusters) -> None:
-        """Count the pairs of nodes from zero."""
+        """Start counting pairs of nodes."""
         self._clusters = clusters
-        self.looks = 0
+        self._examined = 0
 
     def bound_m(self, first: int, second: int, shift: Array, enough_m: float) -> float:
         """An upper bound on the distance of two trees seen from one frame, m.
@@ -45,18 +45,18 @@ class DistanceBounds:
             first: the root of one tree.
             second: the root of the other.
             shift: added to all points of the first, shape (3,), m.
-            enough_m: nothing nearer than this is looked for.
+            enough_m: the search ends at a bound of at most this.
 
         Raises:
-            NotCertifiedError: when more is looked at than for any plan of today.
+            NotCertifiedError: when the plan exceeds `MAX_PAIRS_OF_PLAN`.
         """
         clusters, best = self._clusters, np.inf
         open_: list[tuple[float, int, int, int]] = [(0.0, 0, first, second)]
         for _ in range(MAX_PAIRS):
             if not open_ or best <= enough_m or open_[0][0] >= best - EXCESS_M:
                 break
-            self.looks += 1
-            require(self.looks <= MAX_LOOKS, "where things touch takes too long to find")
+            self._examined += 1
+            require(self._examined <= MAX_PAIRS_OF_PLAN, "contacts take too long to find")
             _, number, a, b = heapq.heappop(open_)
             x, y = clusters.points(a) + shift, clusters.points(b)
             wide = clusters.widths(a), clusters.widths(b)
@@ -74,12 +74,14 @@ class DistanceBounds:
             side = 1 if are_leaves[0] or (not are_leaves[1] and np.ptp(y) > np.ptp(x)) else 0
             for kid in kids[side]:
                 pair = (kid, b) if side == 0 else (a, kid)
-                heapq.heappush(open_, (low, number - 1, *pair))  # of equally near ones, the smaller
+                heapq.heappush(
+                    open_, (low, number - 1, *pair)
+                )  # of equally near pairs, the smaller nodes
         return best
 
 
 def _towards(point: Array, goal: Array, ball_m: float, disc_m: float, axis: Array) -> Array:
-    """A point of a widened cluster that is nearer to a goal than a point of what is widened."""
+    """A point of the widened cluster that is nearer to a goal than a point of its hull."""
     way = goal - point
     if disc_m:
         across = way - (axis @ way) * axis
@@ -94,7 +96,7 @@ def _towards(point: Array, goal: Array, ball_m: float, disc_m: float, axis: Arra
 
 
 def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
-    """Weights of points of two hulls that are nearest to each other, or nearly so."""
+    """Weights of the points of two hulls that are nearest, or nearly nearest, to each other."""
     pairs = [(0, 0)]
     weights = np.ones(1)
     for _ in range(MAX_ITERATIONS):
@@ -119,9 +121,9 @@ def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
 def _least_norm(corners: Array) -> Array:
     """Weights of the point of a simplex that is nearest to the origin, of up to four corners.
 
-    The last corner was found as a support, so it is one of those that carry the point. Weights on
-    the plane through some corners are in the ratio of cofactors, which follow from those of fewer
-    corners (Gilbert, Johnson and Keerthi 1988).
+    The last corner was found as a support, so its weight is not zero. Weights on the plane through
+    some corners are in the ratio of cofactors, which follow from those of fewer corners (Gilbert,
+    Johnson and Keerthi 1988).
     """
     gram, last = (corners @ corners.T).tolist(), len(corners) - 1
     best = gram[last][last]
