@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import is_dataclass
 from reprlib import Repr
 from typing import TYPE_CHECKING
 
@@ -53,9 +52,7 @@ class OneLine:
 
     def _facts(self) -> tuple[str, ...]:
         """The facts to show; empty ones are left out."""
-        from baxter_kin.fields import changed_dataclass_fields  # noqa: PLC0415 - loads NumPy
-
-        return tuple(changed_dataclass_fields(self)) if is_dataclass(self) else ()
+        return ()
 
 
 def quoted(value: object, longest: int = MAX_QUOTE) -> str:

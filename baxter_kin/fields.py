@@ -32,7 +32,7 @@ not ensure.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache, partial
 from typing import Any, NoReturn, TypeAlias, TypeVar, get_type_hints
 
@@ -165,19 +165,6 @@ class NotCopied:
             f"a {type(self).__name__} holds an open file, socket or thread and cannot be pickled or"
             " copied; make another one where it is needed"
         )
-
-
-class Frozen:
-    """Base of frozen dataclasses with arrays: these are read-only in a copy as well.
-
-    NumPy forgets that an array is read-only when it is pickled.
-    """
-
-    __slots__ = ()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        cls: Any = type(self)
-        return _remade, (cls, tuple(getattr(self, each.name) for each in fields(cls)))
 
 
 @dataclass_transform(
@@ -368,14 +355,6 @@ def _types_of(cls: type[Any]) -> Mapping[str, tuple[str, Test]]:
     }
 
 
-def _remade(cls: Any, values: tuple[Any, ...]) -> Any:
-    """An instance with these values of its fields; they were checked when the first was made."""
-    made = object.__new__(cls)
-    for each, value in zip(fields(cls), values, strict=True):
-        object.__setattr__(made, each.name, with_read_only_arrays(value))
-    return made
-
-
 def with_read_only_arrays(value: Any) -> Any:
     """The same value, its arrays made read-only, also those in tuples and mappings."""
     if isinstance(value, np.ndarray):
@@ -384,13 +363,6 @@ def with_read_only_arrays(value: Any) -> Any:
         for part in value.values() if isinstance(value, FrozenMapping) else value:
             with_read_only_arrays(part)
     return value
-
-
-def changed_dataclass_fields(value: Any) -> Iterator[str]:
-    for each in fields(value):
-        given = getattr(value, each.name)
-        if each.repr and (each.default is MISSING or not is_default(given, each.default)):
-            yield f"{each.name}={shown(given)}"
 
 
 def is_default(given: object, default: object) -> bool:

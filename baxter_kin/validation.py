@@ -9,20 +9,16 @@ from __future__ import annotations
 import math
 import types
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
 from enum import Enum
-from functools import cache
 from itertools import islice
 from typing import (
     Any,
-    ClassVar,
     TypeAlias,
     TypeGuard,
     TypeVar,
     Union,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 import numpy as np
@@ -171,49 +167,6 @@ def member_of(choices: type[E], kind: str, name: object) -> E:
         return choices(name)
     except ValueError:
         raise UnknownNameError(kind, name, [each.value for each in choices]) from None
-
-
-class Checked:
-    """Base of dataclasses that refuse values of other classes than their annotations say.
-
-    The class of the error is an argument: `class Miss(Checked, error=SceneError)`.
-    """
-
-    __slots__ = ()
-    _error: ClassVar[type[BaxterError]]
-
-    def __init_subclass__(cls, *, error: type[BaxterError] | None = None) -> None:
-        if error is not None:  # a dataclass with slots is made twice, the second time without
-            cls._error = error
-
-    def __post_init__(self) -> None:
-        check_fields(self, self._error)
-
-
-def check_fields(value: Any, error: type[BaxterError], *, may_be_nan: tuple[str, ...] = ()) -> None:
-    """Refuse an object of a dataclass with a field of another class than its annotation says.
-
-    Args:
-        value: the object.
-        error: the class to raise.
-        may_be_nan: fields of numbers that may be none.
-    """
-    kind: Any = type(value)
-    for name, wanted, test in _tests_of(kind):
-        given = getattr(value, name)
-        if not test(given) and not (name in may_be_nan and is_nan(given)):
-            raise error(f"{type(value).__name__}.{name} must be {wanted}, got {quoted(given)}")
-
-
-@cache
-def _tests_of(kind: Any) -> tuple[tuple[str, str, Test], ...]:
-    """For each field its name, the name of its type, and a test of whether a value is of it."""
-    hints = get_type_hints(kind)
-    return tuple(
-        (field.name, type_name(hints[field.name]), type_test(hints[field.name]))
-        for field in fields(kind)
-        if field.init and _origin_of(hints[field.name]) is not np.ndarray
-    )
 
 
 def _origin_of(hint: Any) -> Any:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from baxter_kin.display import OneLine
 from planner.atlas.blocks import Block
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, UNDECIDED, UNREACHABLE
 from planner.errors import AtlasError
 
 
-@dataclass(slots=True, repr=False)
-class ArmContents(OneLine):
+@dataclass(slots=True)
+class ArmContents:
     """Cells of one arm.
 
     Attributes:

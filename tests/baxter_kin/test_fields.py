@@ -8,11 +8,14 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin.display import MAX_LINE, millimetres
-from baxter_kin.errors import BaxterError
+from baxter_kin.errors import BaxterError, CopyError
 from baxter_kin.fields import (
     FrozenMapping,
+    NotCopied,
     array,
     evolve,
     field,
@@ -177,3 +180,30 @@ def test_fields_that_differ_from_their_defaults_are_shown() -> None:
 )
 def test_values_are_shown_rounded_and_large_arrays_by_their_shape(value: Any, text: str) -> None:
     assert shown(value) == text
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_what_holds_a_file_says_that_it_cannot_be_copied(way: str) -> None:
+    class Held(NotCopied):
+        pass
+
+    with pytest.raises(CopyError, match="a Held holds an open file"):
+        COPIES[way](Held())
+
+
+@given(st.dictionaries(st.text(), st.integers()))
+def test_a_frozen_mapping_is_the_mapping_it_was_made_of(items: dict[str, int]) -> None:
+    read_only = FrozenMapping(items)
+    again = pickle.loads(pickle.dumps(read_only))
+    assert read_only == again == items
+    assert list(read_only) == list(again) == list(items)
+    assert repr(read_only) == repr(items)
+
+
+def test_a_frozen_mapping_does_not_follow_what_it_was_made_of() -> None:
+    items = {"a": 1}
+    read_only = FrozenMapping(items)
+    items["a"] = 2
+    assert read_only["a"] == 1
+    with pytest.raises(TypeError):
+        read_only["a"] = 2  # type: ignore[index]

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import attrs
@@ -13,7 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
-from baxter_kin.validation import check_fields, finite_array, finite_rows, float_array, whole_scalar
+from baxter_kin.fields import field, frozen
+from baxter_kin.validation import finite_array, finite_rows, float_array, whole_scalar
 from tests.front_doors import FRONT_DOORS
 
 
@@ -99,7 +99,7 @@ def test_what_is_no_whole_number_is_refused(value: Any) -> None:
         whole_scalar(value, "n", BaxterError, least=1, most=5)
 
 
-@dataclass(frozen=True)
+@frozen(error=BaxterError)
 class Thing:
     number: float = 1.0
     count: int = 1
@@ -108,12 +108,8 @@ class Thing:
     other: Thing | None = None
     names: tuple[str, ...] = ()
     pair: tuple[str, int] = ("a", 1)
-    shares: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    shares: Mapping[str, float] = field(factory=dict)
     array: NDArray[np.float64] | None = None
-    values: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(3))
-
-    def __post_init__(self) -> None:
-        check_fields(self, BaxterError)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +125,6 @@ class Thing:
         {"names": ("a", "b")},
         {"shares": {"a": 1}},
         {"array": np.zeros(3)},
-        {"values": [1.0, 2.0]},
     ],
     ids=str,
 )
@@ -177,7 +172,14 @@ PUBLIC = {
     for package in FRONT_DOORS
     for name in package.__all__
 }
-CHECKED = [name for name, thing in PUBLIC.items() if arguments(thing)]
+RESULTS = {"IKResult"}
+"""Value classes that only the toolkit makes, without checks."""
+
+CHECKED = [
+    name
+    for name, thing in PUBLIC.items()
+    if arguments(thing) and name.rpartition(".")[2] not in RESULTS
+]
 
 
 class Stranger:
@@ -185,7 +187,7 @@ class Stranger:
 
 
 @pytest.mark.parametrize("name", CHECKED)
-def test_no_public_dataclass_takes_just_anything(name: str) -> None:
+def test_no_public_value_class_accepts_a_foreign_object(name: str) -> None:
     kind = PUBLIC[name]
     for chosen in arguments(kind):
         others = dict.fromkeys(arguments(kind))

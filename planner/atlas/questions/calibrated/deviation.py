@@ -10,21 +10,20 @@ axis that is not z is turned to it, and back after the joint.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine
+from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
+from planner.errors import AtlasError
 
 ROUNDING = 1e-12
 """What is added for rounding, m and rad."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class TipDeviation(OneLine):
+@frozen(error=AtlasError, eq=True)
+class TipDeviation:
     """A bound on the distance of two tips at the same joint angles.
 
     Attributes:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 
-from baxter_kin.display import OneLine
-from baxter_kin.fields import evolve
+from baxter_kin.fields import evolve, frozen
+from sim.errors import RosError
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Counts(OneLine):
+@frozen(error=RosError, eq=True)
+class Counts:
     """How often something happened since the node began.
 
     Attributes:
