@@ -170,9 +170,8 @@ class SoughtTimeline(Timeline):
     def witness(self) -> Witness:
         """The certificate with the greatest clearances that can be proven."""
         robot = self.robot
-        less_m = (
-            STATED_EXCESS_M + 2.0 * robot.skew * robot.stroke_m
-        )  # the checker widens fingers by it
+        wider_m = 2.0 * robot.skew * robot.stroke_m  # by which the checker widens fingers
+        less_m = STATED_EXCESS_M + wider_m
 
         def found(margins_m: Sequence[float], share: float) -> Witness:
             digest = self._body.digest
