@@ -25,7 +25,7 @@ from baxter_kin.fields import frozen
 from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray
 from planner.errors import SceneError
-from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
+from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere, part_extent_m
 from planner.scene.contact import travel_to_contact
 from planner.scene.mesh import Mesh, cuboid
 
@@ -161,11 +161,8 @@ class Overlap:
 
 
 def extent(part: Part, axis: int) -> tuple[float, float]:
-    """The interval that a shape covers along an axis of the frame that it is placed in, m."""
-    along = np.eye(3)[axis]
-    T = part.T_body_part
-    middle, along_part = float(T.translation[axis]), T.rotation.T @ along
-    return middle - part.shape.support_m(-along_part), middle + part.shape.support_m(along_part)
+    """The interval that a placed part covers along an axis of the same frame, m."""
+    return part_extent_m(part, np.eye(3)[axis])
 
 
 def width_between_m(pads: Sequence[Part], parts: Sequence[Part], gap_m: float) -> float:

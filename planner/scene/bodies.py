@@ -188,13 +188,8 @@ class Body:
             SceneError: when the direction has another shape or is not finite.
         """
         along = finite_array(direction_base, (3,), "direction_base", SceneError)
-        lows, highs = [], []
-        for part in self.placed_parts:
-            T = part.T_body_part
-            middle, along_part = float(along @ T.translation), T.rotation.T @ along
-            lows.append(middle - part.shape.support_m(-along_part))
-            highs.append(middle + part.shape.support_m(along_part))
-        return min(lows), max(highs)
+        extents = [part_extent_m(part, along) for part in self.placed_parts]
+        return min(low for low, _ in extents), max(high for _, high in extents)
 
     @property
     def centre_base(self) -> FloatArray:
@@ -318,6 +313,13 @@ class Attachment:
 
     def _facts(self) -> tuple[str, ...]:
         return f"{self.side} hand", f"holds {quoted(self.body, MAX_PART)}"
+
+
+def part_extent_m(part: Part, direction: FloatArray) -> tuple[float, float]:
+    """The interval that a placed part covers along a unit direction of the same frame, m."""
+    T = part.T_body_part
+    middle, along_part = float(direction @ T.translation), T.rotation.T @ direction
+    return middle - part.shape.support_m(-along_part), middle + part.shape.support_m(along_part)
 
 
 def is_name(name: object) -> bool:

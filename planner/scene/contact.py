@@ -139,7 +139,7 @@ class Contact:
         end_s: time until which it is allowed.
 
     Raises:
-        SceneError: when a value is of another class, or a number is not finite.
+        SceneError: when a value is of another class, or a number is NaN.
     """
 
     body: str

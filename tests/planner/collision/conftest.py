@@ -1,4 +1,4 @@
-"""What the tests of this folder share: the robot's shapes, balls, whole configurations."""
+"""Fixtures and helpers of this folder: the robot's shapes, balls, full configurations."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ FloatArray = NDArray[np.float64]
 
 @pytest.fixture(scope="session")
 def shapes(robot: Baxter) -> RobotShapes:
-    """Of the whole robot."""
+    """The shapes of the whole robot."""
     return RobotShapes(robot)
 
 
 def ball(name: str, x: float, y: float, z: float, radius_m: float = 0.02) -> Body:
-    """At a position in base."""
+    """A ball at a position in base."""
     return Body(name, (Part(Sphere(radius_m), ORIGIN),), at(x, y, z))
 
 
 def full(robot: Baxter, arm: Arm, q: Any) -> FloatArray:
-    """A configuration of the whole robot, the fingers of the arm open."""
+    """A full configuration of the robot, the fingers of the arm open."""
     joints = arm.joints(q)
     letter = arm.side[0]
     joints |= {f"{letter}_gripper_l_finger_joint": 0.02, f"{letter}_gripper_r_finger_joint": -0.02}

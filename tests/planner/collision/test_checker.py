@@ -1,4 +1,4 @@
-"""Clearances against distances computed pair by pair."""
+"""Clearances compared with distances computed pair by pair."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from tests.planner.collision.conftest import ORIGIN, ball, full
 from tests.planner.conftest import distance, mesh_of
 
 DISTANCE_TOLERANCE_M = 2e-6
-"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+"""Difference of two runs of GJK on one pair; its default tolerance is 1e-6."""
 
 X, Y, Z = np.eye(3)
 PIECES_OUTSIDE_M = 3e-5
-"""How far the pieces of a finger may be outside of what they contain, where it is convex."""
+"""Maximum distance of a finger's pieces outside its mesh, where the mesh is convex."""
 
 CUBE = Box((0.05, 0.05, 0.05))
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ metres = st.floats(0.01, 0.1)
 
 
 class Independent:
-    """Distances of one arm's links, one pair after the other, of the arrays of the stored body."""
+    """Distances of one arm's links, pair by pair, from the arrays of the stored body."""
 
     def __init__(self, robot: Baxter, arm: Arm, q: FloatArray) -> None:
         body, data = RobotBody.load(), robot.model.createData()
@@ -72,7 +72,7 @@ class Independent:
         return min(*self.to_itself(), *(self._to(body) for body in scene))
 
     def lowest_m(self, part: str) -> float:
-        """The lowest point of the arm's links with that in their names, in base."""
+        """The lowest point, in base, of the arm's links whose names contain a text."""
         return min(
             float(self._poses[link].act(vertex)[2]) - self._margins[link]
             for link in self._arm
@@ -249,7 +249,7 @@ class TestMeshes:
 
     @pytest.fixture(params=["solid", "open"])
     def slab(self, request: pytest.FixtureRequest) -> Mesh:
-        """200 x 200 x 20 mm; when open, one triangle at its side is missing."""
+        """A mesh of 200 x 200 x 20 mm; when open, it lacks one triangle at its side."""
         corners = CORNERS * [0.1, 0.1, 0.01]
         return mesh_of(corners, SIDES if request.param == "solid" else SIDES[1:])
 
@@ -283,7 +283,7 @@ class TestMeshes:
     def clearance_on(
         self, manipulator: Manipulator, body: Body, q: FloatArray, slab: Mesh, gap: float
     ) -> Clearance:
-        """A body in the neutral hand, so far above the slab that it may touch."""
+        """The clearance of a held body at the neutral configuration, `gap` above a slab."""
         left = manipulator.arm
         held = Attachment(body.name, "left_gripper", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)

@@ -38,7 +38,7 @@ BODY_M = 2e-3
 """Twice half a millimetre for each of two links: the planner's shapes contain their meshes."""
 
 DISTANCE_TOLERANCE_M = 2e-6
-"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+"""Difference of two runs of GJK on one pair; its default tolerance is 1e-6."""
 
 MARGIN_M = 0.03
 
@@ -55,7 +55,7 @@ def space(room: Room) -> CollisionContext:
 
 @pytest.fixture(scope="module")
 def checker(room: Room) -> ClearanceChecker:
-    """Of the wall alone."""
+    """A checker with the wall alone."""
     return ClearanceChecker(room.manipulator.shapes, room.manipulator.arm, Scene.of([wall()]))
 
 
@@ -316,7 +316,7 @@ def nowhere(_q: FloatArray) -> bool:
 
 
 def moving_move(arm: Arm, seed: int) -> Trajectory:
-    """Between two states that are not at rest, if there is one; else from rest to rest."""
+    """A motion between two moving states, or where none exists, between two resting ones."""
     rng = np.random.default_rng(seed)
     start, goal = (arm.random_configuration(rng) for _ in range(2))
     v = [0.3 * rng.uniform(-1, 1, 7) * arm.limits.v_max for _ in range(2)]

@@ -25,7 +25,7 @@ from tests.planner.collision.conftest import ORIGIN, ball, full
 from tests.planner.conftest import distance, mesh_of
 
 CUBE_M, BALL_M = 0.05, 0.02
-"""Half of an edge, a radius."""
+"""Half of the cube's edge, and the ball's radius."""
 
 PADDING_M = 0.003
 

@@ -1,4 +1,4 @@
-"""Bounds on motion and distance, against points of the shapes."""
+"""Bounds on motions and distances, compared with points of the shapes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 ROUNDING_M = 1e-12
 
 GJK_TOLERANCE_M = 1e-6
-"""Coal's default."""
+"""Coal's default tolerance."""
 
 CAPSULE_PLAY = 1.6
 """A short shape close to the axis is the worst: its capsule is that much farther out."""
@@ -37,7 +37,7 @@ sizes = st.sampled_from([1e-3, 0.1, 1.0])
 
 
 class Rig:
-    """The left arm's lever arms, and where Pinocchio says that its shapes are."""
+    """The bounds of the left arm, and the poses of its shapes by Pinocchio."""
 
     def __init__(self, robot: Baxter, arm: Arm) -> None:
         shapes = RobotShapes(robot)
@@ -48,7 +48,7 @@ class Rig:
         self._robot = robot
 
     def poses(self, q: FloatArray) -> list[Any]:
-        """Of every shape, in base."""
+        """The poses of all shapes in base."""
         data = self._robot.model.createData()
         full = self._robot.configuration(self.arm.joints(q))
         pin.forwardKinematics(self._robot.model, data, full)
@@ -68,7 +68,7 @@ class Rig:
     def bounds_m(
         self, q: FloatArray, turns: FloatArray, pairs: list[tuple[int, int]]
     ) -> list[float]:
-        """What is under test."""
+        """Bounds on the changes of distances of pairs, m."""
         where, zero = self.bounds.place(self.q_others, q[None]), np.zeros(len(pairs), dtype=np.intp)
         found: list[float] = self.bounds.motions_m(
             where, turns[None], zero, np.array(pairs)
@@ -76,7 +76,7 @@ class Rig:
         return found
 
     def random_turn(self, seed: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A configuration, greatest turns, and one that is so far away."""
+        """A configuration, maximum turns, and a configuration at that distance."""
         rng = np.random.default_rng(seed)
         q, turns = self.arm.random_configuration(rng), rng.uniform(0.0, size, size=7)
         return q, turns, q + turns * rng.choice([-1.0, 1.0], size=7)
@@ -95,7 +95,7 @@ def surface(geometry: Any) -> FloatArray:
 
 
 def acted(T: pin.SE3, shape: Any) -> FloatArray:
-    """Its extreme points where it is placed, shape (n, 3)."""
+    """Its extreme points in base, shape (n, 3)."""
     return np.asarray(surface(shape.geometry) @ T.rotation.T + T.translation)
 
 
@@ -164,7 +164,7 @@ def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
 
 
 def test_shapes_move_as_their_own_robot_does(robot: Baxter) -> None:
-    """Also when a checker is given another robot's arm, of which it needs the side alone."""
+    """Also when a checker is given another robot's arm, of which it uses the side alone."""
     other = calibrated_arm(robot, "left", np.random.default_rng(0))
     assert not other.T_base_tip(other.start).isApprox(robot.arm("left").T_base_tip(other.start))
     rig = Rig(robot, robot.arm("left"))
@@ -175,7 +175,7 @@ def test_shapes_move_as_their_own_robot_does(robot: Baxter) -> None:
 
 
 def motion(arm: Arm, seed: int) -> Trajectory:
-    """Between random states, most of them moving, so that joints turn on the way."""
+    """Motions between random states, most of them moving, so that joints reverse."""
     rng, limits = np.random.default_rng(seed), arm.limits
     for _ in range(100):
         q = rng.uniform(0.4 * limits.q_min, 0.4 * limits.q_max, size=(2, 7))

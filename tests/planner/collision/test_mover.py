@@ -1,4 +1,4 @@
-"""Both arms as one mover: bounds and proofs against distances where both arms move at once."""
+"""Both arms as one mover: bounds and proofs compared with distances while both arms move."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from planner.collision.proof import prove_move
 from planner.prover.problem import SHARES
 
 GJK_M = 2e-6
-"""Two runs of coal on the same pair."""
+"""Difference of two runs of coal on one pair."""
 
 BODY_M = 2e-3
 """Coal's shapes contain Rethink's meshes, and its distances are up to this much less: twice half a
@@ -33,7 +33,7 @@ millimetre for each of two links."""
 SAMPLES = 100
 
 SAMPLING_M = 2e-4
-"""Between samples 10 ms apart, of a distance whose second derivative is at most 16 m/s^2."""
+"""Error between samples 10 ms apart, where the second derivative is at most 16 m/s^2."""
 
 STEP_RAD = 1e-5
 
@@ -51,13 +51,13 @@ class BothArms(ClearanceChecker):
         return Mover.of(*(self.shapes.robot.arm(side) for side in ("right", "left")))
 
     def distances(self, full: FloatArray, q: FloatArray, pairs: Indices) -> FloatArray:
-        """Of some pairs, with the joints of both arms at `q`."""
+        """Distances of some pairs, with the joints of both arms at `q`."""
         there = np.array(full)
         there[self.motion_bounds.q_index] = q
         return np.array(self.distances_m(there, pairs.tolist()))
 
     def nearest(self, full: FloatArray, q: FloatArray, pairs: Indices) -> Clearance:
-        """The nearest of some pairs by Pinocchio and coal, with the joints of both arms at `q`."""
+        """The smallest distance of some pairs by Pinocchio and coal, with both arms at `q`."""
         data, there = self.robot.createData(), np.array(full)
         there[self.motion_bounds.q_index] = q
         pin.forwardKinematics(self.robot, data, there)
@@ -81,14 +81,14 @@ class BothArms(ClearanceChecker):
         return np.flatnonzero(moves[..., :7].any(axis=(1, 2)) & moves[..., 7:].any(axis=(1, 2)))
 
     def some_pairs(self, rng: np.random.Generator) -> Indices:
-        """Twenty, half of them of one arm with the other."""
+        """Twenty pairs, half of them between the two arms."""
         parts = self.across, np.setdiff1d(np.arange(len(self.pairs)), self.across)
         return np.concatenate([rng.choice(part, 10, replace=False) for part in parts])
 
 
 @pytest.fixture(scope="module")
 def checker(manipulator: Manipulator, robot: Baxter, arm: Arm, scene: Scene) -> BothArms:
-    """Of either arm's pairs, those against the other arm among them."""
+    """Checkers of each arm's pairs, including those with the other arm."""
     return BothArms(manipulator.shapes, robot.arm(arm.side), scene)
 
 
@@ -133,7 +133,7 @@ def test_poses_are_those_of_pinocchio(
 def test_no_distance_changes_by_more_than_the_bound(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int, size: float
 ) -> None:
-    """The lemma for two shapes that both move, tried with joints at the ends of their turns."""
+    """The lemma for two moving shapes, tested with joints at the ends of their turns."""
     rng, bounds = np.random.default_rng(seed), checker.motion_bounds
     pairs = checker.some_pairs(rng)
     q, turns = neutral + rng.uniform(-0.5, 0.5, 14), rng.uniform(0.0, size, 14)
@@ -202,7 +202,7 @@ def poses_on(walk: Walk, q: FloatArray) -> FloatArray:
 
 @given(seeds)
 def test_a_walk_passes_base_and_every_link_at_their_poses(robot: Baxter, seed: int) -> None:
-    """Outbound and on the way back, seen from base, to which the walk returns."""
+    """Outbound and on the way back, seen from base."""
     mover = Mover.of(robot.arm("left"), robot.arm("right"))
     walk, limits = Walk.of(mover), mover.limits
     q = np.random.default_rng(seed).uniform(limits.q_min, limits.q_max)
@@ -239,13 +239,13 @@ def test_no_point_of_one_hand_accelerates_more_than_its_bound_seen_from_the_othe
 
 
 def sampled(checker: BothArms, full: FloatArray, motion: Trajectory, pairs: Indices) -> FloatArray:
-    """The least distances of some pairs at samples of a motion, by Pinocchio and coal."""
+    """The smallest distances of some pairs at samples of a motion, by Pinocchio and coal."""
     qs = motion.sample(np.linspace(0.0, motion.duration, SAMPLES)).q
     return np.array([checker.nearest(full, q, pairs).distance_m for q in qs])
 
 
 def random_motion(checker: BothArms, neutral: FloatArray, seed: int) -> Trajectory:
-    """Of all 14 joints, between configurations in which the hands are some centimetres apart."""
+    """A motion of all 14 joints between configurations with the hands some centimetres apart."""
     rng = np.random.default_rng(seed)
     apart = neutral + 0.1 * (np.eye(14)[0] - np.eye(14)[7])
     q_start, q_goal = apart + rng.uniform(-0.15, 0.15, (2, 14))
@@ -270,7 +270,7 @@ def test_the_proven_distance_of_both_arms_is_that_of_samples(
 def test_a_collision_of_both_arms_is_found_with_its_pair_and_time(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int
 ) -> None:
-    """The hands go through each other; where they start they are apart."""
+    """The hands move through each other; at the start they are apart."""
     clear = random_motion(checker, neutral, seed)
     inwards = clear.q_goal + 0.5 * (np.eye(14)[7] - np.eye(14)[0])
     motion = plan_joint_move(clear.q_start, inwards, checker.mover.limits)

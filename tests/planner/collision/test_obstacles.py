@@ -27,7 +27,7 @@ def around(manipulator: Manipulator) -> CollisionContext:
 
 @pytest.fixture(scope="module")
 def controls(manipulator: Manipulator) -> FloatArray:
-    """A motion near there."""
+    """A motion near that configuration."""
     steps = np.random.default_rng(3).normal(size=(INTERVALS + 3, 7))
     return manipulator.arm.start + 0.02 * steps
 
@@ -37,7 +37,7 @@ def obstacles_of(around: CollisionContext, resting: FloatArray, margin_m: float)
 
 
 def positions(controls: FloatArray, weights: FloatArray) -> FloatArray:
-    """Where the arm is in each interval, shape (n, 7)."""
+    """Configurations of the arm in each interval, shape (n, 7)."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
     return np.asarray(np.einsum("nji,ni->nj", windows, weights))
 
@@ -45,7 +45,7 @@ def positions(controls: FloatArray, weights: FloatArray) -> FloatArray:
 def test_bounds_are_distances_and_their_derivatives(
     around: CollisionContext, controls: FloatArray
 ) -> None:
-    """Against distances of moved configurations, which are measured on their own."""
+    """Compared with distances measured at changed configurations."""
     obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
     near = 0
@@ -63,7 +63,7 @@ def test_bounds_are_distances_and_their_derivatives(
 
 
 def least_excess(obstacles: Obstacles, q: FloatArray) -> float:
-    """Of a motion that stays there."""
+    """The smallest excess over a motion that rests."""
     return obstacles.bounds(np.tile(q, (4, 1))).excess_m
 
 
@@ -103,7 +103,7 @@ def test_a_smaller_distance_is_required_where_the_arm_rests_closer(
 def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     manipulator: Manipulator, controls: FloatArray, shape: str
 ) -> None:
-    """A sheet, whose hull has no volume, and a sheet that is bent, whose hull it is not."""
+    """A flat sheet, whose hull has no volume, and a bent sheet, which differs from its hull."""
     corners = [(0.0, -0.1, -0.1), (0.0, 0.1, -0.1), (0.0, 0.1, 0.1), (0.0, -0.1, 0.1)]
     triangles = [(0, 1, 2), (0, 2, 3)]
     if shape == "corner":

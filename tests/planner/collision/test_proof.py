@@ -1,4 +1,4 @@
-"""Proofs by rows against dense sampling by coal, and against what sampling does not see."""
+"""Proofs by rows compared with dense sampling by coal, and contacts that sampling misses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ORIGIN = at(0.0, 0.0, 0.0)
 SLAB = Box((0.06, 0.06, 0.01))
 
 SAME_DISTANCE_M = 2e-6
-"""Two runs of GJK on the same pair; its tolerance is 1e-6."""
+"""Difference of two runs of GJK on one pair; its tolerance is 1e-6."""
 
 BODY_M = 2e-3
 """Coal's shapes contain Rethink's meshes, and its distances are up to this much less: twice half a
@@ -42,7 +42,7 @@ millimetre for each of two links."""
 ROUNDING_M = 1e-6
 
 INSIDE_AN_ELBOW = (0.2225, 0.4115, 0.5020)
-"""In base with the left arm in neutral, 68 mm from all corners of triangles of the upper elbow."""
+"""A point in base, 68 mm from all corners of the upper elbow's triangles at neutral."""
 
 SAMPLES = 120
 seeds = st.integers(0, 2**32 - 1)
@@ -97,7 +97,7 @@ def swing(left: Arm) -> Trajectory:
 
 
 def plate_at(T_base_tip: pin.SE3) -> Body:
-    """100 x 60 x 2 mm across the way of the finger tips."""
+    """A plate of 100 x 60 x 2 mm across the path of the finger tips."""
     T_base_plate = T_base_tip * at(0.0, 0.0, 0.02)
     return Body("plate", (Part(Box((0.1, 0.002, 0.06)), ORIGIN),), T_base_plate)
 
@@ -299,7 +299,7 @@ def test_numpy_finds_the_same_without_a_compiler(
 
 
 class Carry:
-    """A cube in the neutral hand, on a support that it may touch or not."""
+    """A cube in the hand at neutral, on a support that it may or must not touch."""
 
     def __init__(self, robot: Baxter, left: Arm, shapes: RobotShapes) -> None:
         self._left, self._shapes, self._q = left, shapes, robot.configuration()
@@ -313,7 +313,7 @@ class Carry:
         margin_m: float = 0.0,
         shape: Shape = SLAB,
     ) -> ContinuousResult:
-        """The shoulder bends; above zero it lowers the cube."""
+        """The result for a bending shoulder; positive angles lower the cube."""
         left, T_base_tip = self._left, self._left.T_base_tip(self._left.neutral)
         under = T_base_tip.translation - [0.0, 0.0, 0.025 + 0.005 - depth_m]
         support = Body("support", (Part(shape, ORIGIN),), at(*under))
@@ -366,7 +366,7 @@ def test_an_intended_contact_keeps_no_margin(carry: Carry) -> None:
 
 
 def sheet_at(T_base_tip: pin.SE3) -> Body:
-    """A single triangle across the way of the finger tips."""
+    """A single triangle across the path of the finger tips."""
     sheet = mesh_of([[-0.05, 0.0, -0.01], [0.05, 0.0, -0.01], [0.0, 0.0, 0.05]], [[0, 1, 2]])
     return Body("sheet", (Part(sheet, ORIGIN),), T_base_tip)
 

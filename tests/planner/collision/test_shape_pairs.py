@@ -20,7 +20,7 @@ from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full
 
 DISTANCE_TOLERANCE_M = 2e-6
-"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+"""Difference of two runs of GJK on one pair; its default tolerance is 1e-6."""
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -30,16 +30,16 @@ FloatArray = NDArray[np.float64]
 
 
 class TestAllowedContacts:
-    """Fingers and the body they grasp; a held body and what it stands on."""
+    """Fingers and the body they grasp; a held body and its support."""
 
     @pytest.fixture
     def shapes(self, robot: Baxter, plain: RobotBody) -> RobotShapes:
-        """With boxes for pads."""
+        """Fingers with boxes as pads."""
         return RobotShapes(robot, plain)
 
     @pytest.fixture
     def manipulator(self, robot: Baxter, plain: RobotBody) -> Manipulator:
-        """With boxes for pads."""
+        """Fingers with boxes as pads."""
         return Manipulator.of(robot, "left", body=plain)
 
     @pytest.fixture
@@ -47,7 +47,7 @@ class TestAllowedContacts:
         return full(robot, left, left.neutral)
 
     def at_left_pad(self, manipulator: Manipulator, left: Arm, depth_m: float) -> Body:
-        """A ball between the fingers, pressed into the +y pad by some depth."""
+        """A ball between the fingers, at some depth in the +y pad."""
         radius = 0.01
         inner_face = manipulator.hand.closed_gap_m / 2 + 0.02
         point_tip = np.array([0.0, inner_face - radius + depth_m, -0.015])

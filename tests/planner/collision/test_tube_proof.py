@@ -1,4 +1,4 @@
-"""What is proven of tubes, against arms that are placed in them."""
+"""Proofs over tubes, compared with configurations in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.conftest import at, overhead
 
 PLACES = 300
 ACCURACY_M = 2e-3
-"""How much nearer coal may measure: its shapes contain the meshes that proofs are made on."""
+"""Difference of coal's distances, as its shapes contain the meshes that proofs use."""
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def free(context: CollisionContext) -> Indices:
 
 
 def swinging(manipulator: Manipulator, widths: FloatArray | float) -> JointTube:
-    """From the demo's start to the side, 1 s, so wide at every time."""
+    """A tube of 1 s from the demo's start to the side, with constant widths."""
     times, q = np.linspace(0.0, 1.0, 101), manipulator.arm.start
     way = np.array([0.5, 0.1, -0.2, 0.1, 0.0, 0.1, 0.4])
     middle = q + times[:, None] * way
@@ -72,7 +72,7 @@ def test_the_smallest_distance_is_measured_inside_the_tube(
 
 
 def wall(manipulator: Manipulator, gap_m: float) -> Body:
-    """Under the hand, so far below where it starts."""
+    """A block under the hand, at some distance below its start."""
     tip = manipulator.arm.T_base_tip(manipulator.arm.start).translation
     size = (0.4, 0.4, 0.02)
     centre = at(float(tip[0]), float(tip[1]), float(tip[2]) - 0.01 - gap_m)
@@ -108,7 +108,7 @@ def test_a_narrow_passage_is_split_and_proven(manipulator: Manipulator) -> None:
 
 @pytest.mark.parametrize("gap_m", [0.06, 0.08])
 def test_a_wide_instant_is_split_across_joints(manipulator: Manipulator, gap_m: float) -> None:
-    """An arm that stands anywhere in a box over a wall."""
+    """An arm at any configuration of a box over a wall."""
     context = manipulator.context(Scene.of([wall(manipulator, gap_m)]))
     checker, q = context.checker, manipulator.arm.start
     w = np.array([0.05, 0.04, 0.05, 0.04, 0.06, 0.05, 0.1])
@@ -153,7 +153,7 @@ def test_numpy_proves_less_without_a_compiler(
 def test_cells_are_unproven_only_where_contacts_may_happen(
     manipulator: Manipulator, scene: Scene
 ) -> None:
-    """The hand sinks onto the block: open near it, proven before."""
+    """The hand sinks onto the block: cells are unproven near it, and proven before."""
     context = manipulator.context(scene, touchable="block")
     times, q = np.linspace(0.0, 1.0, 101), manipulator.arm.start
     block = scene["block"].centre_base

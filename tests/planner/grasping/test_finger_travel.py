@@ -51,7 +51,7 @@ def cube(edge: float = 0.02, x: float = 0.7, y: float = 0.15) -> Body:
 
 
 def post(across_m: float, along_m: float, name: str = "post") -> Body:
-    """8 x 10 x 50 mm, so far beside the cube along the closing axis, and across it."""
+    """A post of 8 x 10 x 50 mm beside the cube, offset along the closing axis and across it."""
     return box(name, (0.010, 0.008, 0.05), 0.7 + across_m, 0.15 + along_m, Z_TABLE + 0.025)
 
 

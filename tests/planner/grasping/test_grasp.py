@@ -19,14 +19,14 @@ from tests.conftest import at
 
 ROUNDING_M = 1e-9
 PAD_TOP_M, PAD_BOTTOM_M = -0.0335, 0.0035
-"""Where the pads begin and end along z of the tip."""
+"""Ends of the pads along z of the tip."""
 
 ORIGIN = at(0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
 def hand(robot: Baxter, plain: RobotBody) -> Hand:
-    """The left one with boxes for pads, its tip at the origin of base."""
+    """The left hand with boxes as pads, its tip at the origin of base."""
     return Hand.of(robot, robot.arm("left"), RobotShapes(robot, plain))
 
 

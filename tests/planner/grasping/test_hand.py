@@ -52,13 +52,13 @@ PICK = overhead(0.70, 0.15, -0.129)
 
 @pytest.fixture(scope="module")
 def real_hands(drawn: Baxter) -> dict[str, Hand]:
-    """With paddles on the left and half-round tips on the right."""
+    """Hands with paddles on the left and half-round tips on the right."""
     return hands_of(drawn)
 
 
 @pytest.fixture(scope="module")
 def real_hand(real_hands: dict[str, Hand]) -> Hand:
-    """The left one."""
+    """The left hand."""
     return real_hands["left"]
 
 
@@ -69,7 +69,7 @@ def hands(drawn: Baxter, plain: RobotBody) -> dict[str, Hand]:
 
 @pytest.fixture(scope="module")
 def hand(hands: dict[str, Hand]) -> Hand:
-    """The left one, whose pads are boxes."""
+    """The left hand, whose pads are boxes."""
     return hands["left"]
 
 
@@ -217,7 +217,7 @@ def test_a_grasp_does_not_depend_on_where_the_hand_is(
 
 
 def beside_mm(hand: Hand, body: Body) -> list[float]:
-    """How much room the demo's pick leaves beside a body, on either side."""
+    """Distances of the pads from a body at the demo's pick, on either side."""
     grasp = grasp_of(hand, PICK, body, hand.stroke_m)
     assert grasp is not None
     both = hand.open_gap_m - grasp.width_m
@@ -330,7 +330,7 @@ def test_of_several_parts_the_outermost_touch_the_pads(hand: Hand) -> None:
 
 
 def pads_rectangle(hand: Hand) -> list[tuple[float, float]]:
-    """What both pads cover along x and z of the tip."""
+    """The intervals that both pads cover along x and z of the tip."""
     spans = [[extent(part, axis) for pad in hand.pads for part in pad] for axis in (0, 2)]
     return [(min(low for low, _ in each), max(high for _, high in each)) for each in spans]
 
@@ -358,7 +358,7 @@ SHAPES = [
 def test_the_width_of_a_shape_is_that_of_its_hull_between_the_pads(
     real_hand: Hand, shape: Shape
 ) -> None:
-    """The peer is a linear program; round shapes are polytopes of 720 corners a rim there."""
+    """The peer is a linear program, in which round shapes are polytopes of 720 corners a rim."""
     rng = np.random.default_rng(11)
     x, z = pads_rectangle(real_hand)
     for _ in range(20):
@@ -385,7 +385,7 @@ def corners_of(shape: Shape) -> FloatArray:
 def _reach_m(
     sign: float, points: FloatArray, x: tuple[float, float], z: tuple[float, float]
 ) -> float:
-    """How far the hull of points reaches along y, or -y, where x and z are in intervals."""
+    """Extent of the hull of points along y, or -y, where x and z are in intervals."""
     inside = np.array([points[:, 0], -points[:, 0], points[:, 2], -points[:, 2]])
     bounds = np.array([x[1], -x[0], z[1], -z[0]])
     found = linprog(-sign * points[:, 1], inside, bounds, np.ones((1, len(points))), [1.0])

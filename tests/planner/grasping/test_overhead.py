@@ -1,4 +1,4 @@
-"""Grasps from above: laws for any block, and that they can be carried out."""
+"""Grasps from above: laws for any block, and certified plans with them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from tests.conftest import at
 from tests.planner.conftest import hands_of, hull
 
 ROUNDING_M = 1e-9
-"""Sums of a few lengths of the order of a metre."""
+"""Rounding of sums of a few lengths of about a metre."""
 
 CONTACT_TOLERANCE_M = 1e-6
 """Contacts of the right hand's round pads with tall boxes are found to 1e-7 m, and two add up."""
@@ -54,12 +54,12 @@ sides = st.sampled_from(["left", "right"])
 
 
 HOLLOW_M = 0.9e-3
-"""How far the middle of a real pad is behind its foremost points, and a little more."""
+"""Depth of the middle of a real pad behind its foremost points, rounded up."""
 
 
 @pytest.fixture(scope="module")
 def hands() -> dict[str, Hand]:
-    """A left one with paddles and a right one with half-round tips, both plain."""
+    """A left hand with paddles and a right hand with half-round tips, both of boxes."""
     robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
     return hands_of(robot, with_plain_fingers(robot))
 

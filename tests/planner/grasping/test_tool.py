@@ -35,7 +35,7 @@ from planner.scene.mesh import Mesh
 from tests.conftest import at, overhead
 
 RADIUS_M = 0.012
-"""Of the ball at the end of the probe; its middle is 0.17 m from the hand."""
+"""Radius of the ball at the end of the probe; its centre is 0.17 m from the hand."""
 
 PROBE = Body(
     "probe",
@@ -56,12 +56,12 @@ def down(x: float, y: float, z: float) -> pin.SE3:
 
 @pytest.fixture(scope="module")
 def robot() -> Baxter:
-    """With a probe on the left hand, whose tip is the middle of the ball at its end."""
+    """A robot with a probe on the left hand; its tip is the centre of the ball at its end."""
     return Baxter.load(hands={"left": tool_of(PROBE, at(0.0, 0.0, 0.17))})
 
 
 def nearest_m(robot: Baxter, q: np.ndarray[tuple[int], np.dtype[np.float64]], body: Body) -> float:
-    """Of the arm to a body."""
+    """The smallest distance of the arm from a body."""
     arm = robot.arm("left")
     checker = ClearanceChecker(RobotShapes(robot), arm, Scene.of([body]))
     full = robot.configuration(arm.joints(q))

@@ -21,7 +21,7 @@ from tests.conftest import at
 from tests.planner.conftest import mesh_of
 
 ROUNDING_M = 1e-12
-"""Sums of a few products of numbers below 1."""
+"""Rounding of sums of a few products of numbers below 1."""
 
 SAMPLING_M = 2e-3
 """Error of an extent below 1 m, found by sampling a surface at 200 x 200 points."""
@@ -70,7 +70,7 @@ def poses(draw: st.DrawFn) -> pin.SE3:
 
 
 def surface(shape: Shape) -> NDArray[np.float64]:
-    """Points of the surface, shape (m, 3); the extreme ones among them."""
+    """Points of the surface, including the extreme ones, shape (m, 3)."""
     if isinstance(shape, Mesh):
         return shape.vertices
     if isinstance(shape, Box):

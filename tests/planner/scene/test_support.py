@@ -27,7 +27,7 @@ from tests.conftest import at
 
 REST_M = 1e-6
 STEP_M = 1e-3
-"""Between points of an underside."""
+"""Distance between points of an underside."""
 
 ORIGIN = at(0.0, 0.0, 0.0)
 seeds = st.integers(0, 2**32 - 1)
@@ -64,7 +64,7 @@ def box(
 
 
 def a_bin() -> list[FloatArray]:
-    """A floor without thickness, and walls of 6 mm, which points of an underside do not miss."""
+    """A floor without thickness, and walls of 6 mm, thick enough for the points of an underside."""
     sides = [
         box((-0.126, -0.12), (-0.096, 0.096), (0.0, 0.05)),
         box((0.12, 0.126), (-0.096, 0.096), (0.0, 0.05)),
@@ -167,7 +167,7 @@ def heights(triangles: FloatArray, points: FloatArray, top_m: float) -> FloatArr
 
 
 def sampled(body: Body, triangles: FloatArray, grown_m: float) -> Sampled:
-    """Points of the underside of a level box that is so much wider on all sides."""
+    """Points of the underside of a level box, grown on all sides."""
     shape = body.parts[0].shape
     assert isinstance(shape, Box)
     x, y, z = shape.size_m
@@ -262,7 +262,7 @@ def test_a_bin_as_one_mesh_supports_like_the_same_bin_of_boxes() -> None:
 
 
 def test_a_table_turned_by_a_thousandth_of_a_degree_carries_a_block_level_where_it_is() -> None:
-    """17 um over a metre."""
+    """A tilt of 17 um over a metre."""
     turned = pose_from_quaternion((1.0, 0.0, -0.93), (0.0001, 0.0, 0.1305, 0.9914), normalise=True)
     table = load_object("table", turned)
     for x in np.linspace(0.75, 1.3, 5):

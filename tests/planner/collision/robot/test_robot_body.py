@@ -60,7 +60,7 @@ INSTEAD = {"extended_narrow": "extended_wide"}
 """The meshes that may replace another."""
 
 Corners = FloatArray
-"""Of triangles, shape (n, 3, 3), m."""
+"""Corners of triangles, shape (n, 3, 3), m."""
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_no_triangle_of_a_mesh_is_outside_the_margin(
 
 
 def test_links_of_one_mesh_are_equal(body: RobotBody, meshes: Mapping[str, Corners]) -> None:
-    """So that it is enough to look at one of them."""
+    """So that testing one of them is enough."""
     seen: dict[str, tuple[Corners, Corners]] = {}
     for name, corners in meshes.items():
         link = body.links[name]
@@ -224,7 +224,7 @@ def test_pads_are_at_the_ribs_of_the_meshes(body: RobotBody, meshes: Mapping[str
 
 
 def tops_m(corners: Corners, columns: FloatArray) -> FloatArray:
-    """The greatest z of triangles over points x, y, shape (n, m, 2); -1 where there is none."""
+    """The maximum z of triangles over points x, y, shape (n, m, 2); -1 where there is none."""
     tops = np.full(columns.shape[:2], -1.0)
     for a, b, c in corners:
         (ux, uy, uz), (vx, vy, vz) = b - a, c - a
@@ -239,7 +239,7 @@ def tops_m(corners: Corners, columns: FloatArray) -> FloatArray:
 
 
 def piece_tops_m(points: FloatArray, columns: FloatArray) -> FloatArray:
-    """The greatest z of the hull of points over points x, y; -1 where it is not."""
+    """The maximum z of the hull of points over points x, y; -1 outside."""
     planes = planes_of(points)
     nz, d = planes[:, 2], planes[:, 3]
     beside = columns @ planes[:, :2].T + d
@@ -258,7 +258,7 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
     tree = cKDTree(pieces.mean(axis=1))
 
     def far(corners: Corners, count: int) -> Corners:
-        """Those not near one of the triangles around their middles."""
+        """The parts not near one of the triangles around their centres."""
         candidates = owners[tree.query(corners.mean(axis=1), k=count)[1]]
         is_near = np.zeros(len(corners), dtype=bool)
         for column, is_new in zip(candidates.T, first_in_row(candidates).T, strict=True):
@@ -279,7 +279,7 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
 
 
 def first_in_row(values: FloatArray) -> NDArray[np.bool_]:
-    """Where a value stands that stands nowhere before in its row."""
+    """Whether each value occurs for the first time in its row."""
     order = np.argsort(values, axis=1, kind="stable")
     ordered = np.take_along_axis(values, order, axis=1)
     is_first = np.ones(values.shape, dtype=bool)
@@ -290,12 +290,12 @@ def first_in_row(values: FloatArray) -> NDArray[np.bool_]:
 
 
 def edges_m(corners: Corners) -> FloatArray:
-    """The length of each edge, from each corner on, shape (n, 3)."""
+    """The length of the edge that begins at each corner, shape (n, 3)."""
     return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2))
 
 
 def halved(corners: Corners) -> Corners:
-    """Each triangle as two, cut across its longest edge."""
+    """The two halves of each triangle, cut across its longest edge."""
     turned = (np.arange(3) + edges_m(corners).argmax(axis=1)[:, None]) % 3
     a, b, c = np.take_along_axis(corners, turned[:, :, None], axis=1).swapaxes(0, 1)
     middle = (a + b) / 2
@@ -303,7 +303,7 @@ def halved(corners: Corners) -> Corners:
 
 
 def distance_m(points: FloatArray, triangles: Corners) -> FloatArray:
-    """Of points (n, 3) to a triangle each (n, 3, 3): to its plane if above it, else to an edge."""
+    """Distances of points, (n, 3), to one triangle each, (n, 3, 3): to its plane or an edge."""
     a, b, c = triangles.swapaxes(0, 1)
     normal = cross(b - a, c - a)
     to_edges = []
@@ -321,13 +321,13 @@ def distance_m(points: FloatArray, triangles: Corners) -> FloatArray:
 
 
 def cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Products of rows, shape (n, 3), as `numpy.cross` makes them in twice the time."""
+    """Cross products of rows, shape (n, 3), in half the time of `numpy.cross`."""
     (a, b, c), (d, e, f) = u.T, v.T
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
 def divided(corners: Corners, longest_m: float) -> tuple[Corners, FloatArray]:
-    """Triangles halved until no edge is longer, and the number of the triangle each is of."""
+    """Triangles halved until no edge is longer, and the number of each one's origin."""
     owners, done = np.arange(len(corners)), []
     while len(corners):
         is_done = edges_m(corners).max(axis=1) <= longest_m
@@ -337,12 +337,12 @@ def divided(corners: Corners, longest_m: float) -> tuple[Corners, FloatArray]:
 
 
 def planes_of(vertices: FloatArray) -> FloatArray:
-    """The planes around convex points, shape (n, 4): outside where the height is positive."""
+    """The planes around convex points, shape (n, 4); points outside have a positive height."""
     return np.asarray(ConvexHull(vertices).equations)
 
 
 def uncovered(polygons: list[FloatArray], pieces: list[FloatArray]) -> list[FloatArray]:
-    """What convex polygons have outside of all pieces, each shrunk by `ROUNDING_M`."""
+    """The parts of convex polygons outside all pieces, each shrunk by `ROUNDING_M`."""
     for planes in pieces:
         polygons = [rest for polygon in polygons for rest in outside(polygon, planes)]
     return polygons
@@ -364,7 +364,7 @@ def outside(polygon: FloatArray, planes: FloatArray) -> list[FloatArray]:
 
 
 def cut(polygon: FloatArray, height: FloatArray) -> FloatArray:
-    """What of a polygon is above, given the height of each corner."""
+    """The part of a polygon above zero, by the heights of its corners."""
     corners = []
     for i, j in zip(range(len(polygon)), [*range(1, len(polygon)), 0], strict=True):
         if height[i] >= 0.0:
@@ -376,7 +376,7 @@ def cut(polygon: FloatArray, height: FloatArray) -> FloatArray:
 
 
 def aligned(points: FloatArray, others: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The rotation and translation that bring points to others (Kabsch's)."""
+    """The rotation and translation that align points with others (Kabsch's)."""
     middle, target = points.mean(axis=0), others.mean(axis=0)
     U, _, Vt = np.linalg.svd((others - target).T @ (points - middle))
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
@@ -439,7 +439,7 @@ def test_the_gap_between_the_pads_is_that_of_the_meshes(mount: ElectricGripper) 
 def fcl_distance(
     vertices: FloatArray, triangles: Indices, box: tuple[FloatArray, FloatArray]
 ) -> float:
-    """By FCL, which nothing here is made with; to a box: size and centre."""
+    """Distance by FCL, an independent engine, to a box of a size and centre."""
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(triangles))
     model.addSubModel(np.ascontiguousarray(vertices), np.ascontiguousarray(triangles))

@@ -39,7 +39,7 @@ PLACE = pose_from_quaternion((0.75, 0.0, -0.129), DOWN)
 
 
 SAME_M = 1e-5
-"""Distances by two ways of coal, with its own tolerances."""
+"""Difference of two of coal's methods with its default tolerances."""
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -61,7 +61,7 @@ def ball(radius_m: float, x: float, y: float, z: float) -> Body:
 def test_the_real_shapes_find_the_elbow_inside_a_cube_that_smaller_ones_passed(
     robot: Baxter, body: RobotBody, manipulator: Manipulator, scene: Scene
 ) -> None:
-    """18.8 mm of clearance were proven, of shapes up to 91 mm smaller than the robot."""
+    """A clearance of 18.8 mm was once proven with shapes up to 91 mm smaller than the robot."""
     cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
     task, start = PickAndPlace("block", PICK, PLACE), manipulator.arm.neutral
     believed = plan_pick_and_place(task, manipulator, scene, start)
@@ -172,7 +172,7 @@ def test_refuses_a_body_of_another_class(robot: Baxter) -> None:
 def test_verify_accepts_the_proofs_of_a_plan_with_the_body(
     robot: Baxter, body: RobotBody, scene: Scene
 ) -> None:
-    """It measures on the original meshes, by other code."""
+    """`verify` measures the original meshes with independent code."""
     real = Manipulator.of(robot, "left", body=body)
     plan = plan_pick_and_place(PickAndPlace("block", PICK, PLACE), real, scene, real.arm.neutral)
     assert plan.proven_clearance_m is not None
