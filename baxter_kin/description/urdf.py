@@ -24,7 +24,7 @@ from baxter_kin.errors import DescriptionError
 from baxter_kin.fields import FrozenMapping, field, frozen
 from baxter_kin.validation import float_array
 
-Triple: TypeAlias = "tuple[float, float, float]"
+Triple: TypeAlias = tuple[float, float, float]
 
 MESH_FILE = (
     "package://example-robot-data/robots/baxter_description/meshes/electric_gripper/fingers/{}.DAE"
