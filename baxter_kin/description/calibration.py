@@ -39,7 +39,6 @@ from baxter_kin.description.urdf import (
     LINK_ENDING,
     X_AXIS,
     JointKind,
-    Triple,
     Urdf,
     UrdfJoint,
     first_free,
@@ -197,12 +196,6 @@ def _mover(tree: Urdf, link: str) -> str:
     return tree.root if joint is None else joint.name
 
 
-def _moving_link(tree: Urdf, link: str) -> str:
-    """The link that a link is rigidly connected to and that a joint moves, or the root."""
-    joint = tree.moving(link)
-    return tree.root if joint is None else joint.child
-
-
 def _with_stock_names(given: Urdf, expected: Urdf, bare: tuple[str, ...]) -> Urdf:
     """The tree with the names of the stock robot; fixed joints of other links may get an ending."""
     names = {given.root: given.root, **_stock_names(given, expected, bare)}
@@ -263,10 +256,12 @@ def _with_drawn_head(tree: Urdf, expected: Urdf) -> Urdf:
     A head that is farther off stays as it is, to be refused.
     """
     on_head = [j for j in expected.joints if any(e.name == HEAD for e in expected.chain(j.child))]
-    if any(_moving_link(tree, j.child) != _moving_link(expected, j.child) for j in on_head):
+    if any(_mover(tree, j.child) != _mover(expected, j.child) for j in on_head):
         return tree
-    deviations = [_deviation(tree, expected, joint) for joint in on_head]
-    apart_m, turned_rad = (max(values) for values in zip(*deviations, strict=True))
+    displacements = [_displacement(tree, expected, joint) for joint in on_head]
+    apart_m = max(each for each, _ in displacements)
+    turned_rad = max(each for _, each in displacements)
+    turned_rad = max(turned_rad, *(_axis_angle(tree, joint) for joint in on_head))
     is_calibrated = apart_m <= MAX_APART_M and turned_rad <= MAX_TURNED_RAD
     if is_calibrated or apart_m > MAX_HEAD_APART_M or turned_rad > MAX_HEAD_TURNED_RAD:
         return tree
@@ -285,12 +280,6 @@ def _with_drawn_head(tree: Urdf, expected: Urdf) -> Urdf:
     return Urdf(tree.root, tuple(joints))
 
 
-def _deviation(tree: Urdf, expected: Urdf, joint: UrdfJoint) -> tuple[float, float]:
-    """Distance, m, and angle, rad, of a joint from its drawn pose, its axis included."""
-    apart_m, turned_rad = _displacement(tree, expected, joint)
-    return apart_m, max(turned_rad, _axis_angle(tree, joint))
-
-
 def _displacement(tree: Urdf, expected: Urdf, joint: UrdfJoint) -> tuple[float, float]:
     """Distance, m, and angle, rad, between the frame of a joint and the drawn one."""
     own, stock = _on_mover(tree, joint.child), _on_mover(expected, joint.child)
@@ -300,7 +289,10 @@ def _displacement(tree: Urdf, expected: Urdf, joint: UrdfJoint) -> tuple[float, 
 
 def _axis_angle(tree: Urdf, joint: UrdfJoint) -> float:
     """Angle between the axis of a movable joint and the drawn one, rad; zero for a fixed joint."""
-    return _angle(tree.by_child[joint.child].axis, joint.axis) if joint.is_movable else 0.0
+    if not joint.is_movable:
+        return 0.0
+    own, drawn = tree.by_child[joint.child].axis, joint.axis
+    return math.atan2(float(np.linalg.norm(np.cross(own, drawn))), float(np.dot(own, drawn)))
 
 
 def _check_places(tree: Urdf, expected: Urdf) -> None:
@@ -309,7 +301,7 @@ def _check_places(tree: Urdf, expected: Urdf) -> None:
     for joint in expected.joints:
         if joint.child in HEAD_SPHERES:
             continue
-        before, stock_before = _moving_link(tree, joint.child), _moving_link(expected, joint.child)
+        before, stock_before = _mover(tree, joint.child), _mover(expected, joint.child)
         if before != stock_before:
             raise DescriptionError(
                 f"its link {joint.child} moves with {before}; Baxter's moves with {stock_before}"
@@ -343,9 +335,5 @@ def _conclusion(joint: UrdfJoint, calibrated: str) -> str:
 
 def _on_mover(tree: Urdf, link: str) -> pin.SE3:
     """Pose of a link seen from the link that the movable joint before its own moves."""
-    return tree.pose(_moving_link(tree, tree.by_child[link].parent), link)
-
-
-def _angle(first: Triple, second: Triple) -> float:
-    """The angle between two directions, rad."""
-    return math.atan2(float(np.linalg.norm(np.cross(first, second))), float(np.dot(first, second)))
+    joint = tree.moving(tree.by_child[link].parent)
+    return tree.pose(tree.root if joint is None else joint.child, link)

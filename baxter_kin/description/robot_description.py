@@ -34,7 +34,7 @@ from baxter_kin.description.hands import (
     with_known_meshes,
     without_hand,
 )
-from baxter_kin.description.urdf import Urdf, UrdfJoint, UrdfShape, with_unique_names
+from baxter_kin.description.urdf import Urdf, UrdfJoint, UrdfShape, with_unique_names, words
 from baxter_kin.description.urdf_reading import MAX_TEXT_BYTES, read_urdf, read_xml
 from baxter_kin.display import quoted, shown_path
 from baxter_kin.distribution.extras import run_to_install
@@ -142,7 +142,7 @@ class RobotIdentity:
         return cls(
             kinematics=_digest(_place(j) for j in tree.joints if j.child not in on_hand),
             hands=_digest(_place(j) for j in tree.joints if j.child in on_hand),
-            limits=_digest(f"{joint.name} {_words(_range(joint))}" for joint in moving),
+            limits=_digest(f"{joint.name} {words(_range(joint))}" for joint in moving),
             body="",
             places={j.name: (*j.xyz, *j.rpy) for j in tree.joints if j.name in carrying},
             ranges={joint.name: _range(joint) for joint in moving},
@@ -193,21 +193,17 @@ def _place(joint: UrdfJoint) -> str:
     name = joint.name if joint.is_movable else ""
     numbers = (*joint.xyz, *joint.rpy, *(joint.axis if joint.is_movable else ()))
     shapes = "".join(f" {_shape(shape)}" for shape in joint.shapes)
-    return f"{joint.child} {joint.parent} {joint.kind.value} {name} {_words(numbers)}{shapes}"
+    return f"{joint.child} {joint.parent} {joint.kind.value} {name} {words(numbers)}{shapes}"
 
 
 def _shape(shape: UrdfShape) -> str:
-    numbers = _words((*shape.size_m, *shape.xyz, *shape.rpy))
+    numbers = words((*shape.size_m, *shape.xyz, *shape.rpy))
     return f"{shape.kind.value} {shape.mesh} {numbers}"
 
 
 def _range(joint: UrdfJoint) -> tuple[float, ...]:
     each = joint.range
     return () if each is None else (each.lower, each.upper, each.velocity)
-
-
-def _words(numbers: Iterable[float]) -> str:
-    return " ".join(map(repr, numbers))
 
 
 def _digest(lines: Iterable[str]) -> str:

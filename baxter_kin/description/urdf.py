@@ -24,7 +24,7 @@ from baxter_kin.errors import DescriptionError
 from baxter_kin.fields import FrozenMapping, field, frozen
 from baxter_kin.validation import float_array
 
-Triple: TypeAlias = "tuple[float, float, float]"
+Triple: TypeAlias = tuple[float, float, float]
 
 MESH_FILE = (
     "package://example-robot-data/robots/baxter_description/meshes/electric_gripper/fingers/{}.DAE"
@@ -308,7 +308,7 @@ def _link_lines(joint: UrdfJoint) -> Iterator[str]:
     yield f"  <link name={name}>"
     for shape in joint.shapes:
         yield "    <visual>"
-        yield f'      <origin xyz="{_words(shape.xyz)}" rpy="{_words(shape.rpy)}"/>'
+        yield f'      <origin xyz="{words(shape.xyz)}" rpy="{words(shape.rpy)}"/>'
         yield f"      <geometry>{_geometry(shape)}</geometry>"
         yield "    </visual>"
     yield "  </link>"
@@ -319,7 +319,7 @@ def _geometry(shape: UrdfShape) -> str:
         return f"<mesh filename={quoteattr(MESH_FILE.format(shape.mesh))}/>"
     left, stated = list(shape.size_m), ""
     for key, number in SIZES[shape.kind]:
-        stated += f' {key}="{_words(left[:number])}"'
+        stated += f' {key}="{words(left[:number])}"'
         left = left[number:]
     return f"<{shape.kind.value}{stated}/>"
 
@@ -328,10 +328,10 @@ def _joint_lines(joint: UrdfJoint) -> Iterator[str]:
     yield f'  <joint name={quoteattr(joint.name)} type="{joint.kind.value}">'
     yield f"    <parent link={quoteattr(joint.parent)}/>"
     yield f"    <child link={quoteattr(joint.child)}/>"
-    yield f'    <origin xyz="{_words(joint.xyz)}" rpy="{_words(joint.rpy)}"/>'
+    yield f'    <origin xyz="{words(joint.xyz)}" rpy="{words(joint.rpy)}"/>'
     if joint.range is not None:
         each = joint.range
-        yield f'    <axis xyz="{_words(joint.axis)}"/>'
+        yield f'    <axis xyz="{words(joint.axis)}"/>'
         yield (
             f'    <limit lower="{each.lower!r}" upper="{each.upper!r}" '
             f'velocity="{each.velocity!r}" effort="{each.effort!r}"/>'
@@ -339,5 +339,6 @@ def _joint_lines(joint: UrdfJoint) -> Iterator[str]:
     yield "  </joint>"
 
 
-def _words(numbers: Iterable[float]) -> str:
+def words(numbers: Iterable[float]) -> str:
+    """Numbers in full, each as the shortest text that reads back as the same float."""
     return " ".join(map(repr, numbers))

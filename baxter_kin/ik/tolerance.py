@@ -12,20 +12,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
-import attrs
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.display import quoted
 from baxter_kin.errors import RequestError, UnknownNameError
-from baxter_kin.fields import frozen, scalar
+from baxter_kin.fields import field, frozen, scalar
 from baxter_kin.hints import degrees_hint
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, float_array
+
+Triple: TypeAlias = tuple[float, float, float]
 
 AXES = ("x", "y", "z")
 
@@ -50,10 +52,10 @@ _DIRECTION_STEP = 5  # in steps of the rotation, so that the leans point in all 
 _CYCLES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))  # cyclic orders of the axes with x, y or z last
 
 
-def _bounds(name: str) -> Callable[[ArrayLike], tuple[float, float, float]]:
+def _bounds(name: str) -> Callable[[ArrayLike], Triple]:
     """The converter of a field of three bounds."""
 
-    def converted(values: ArrayLike) -> tuple[float, float, float]:
+    def converted(values: ArrayLike) -> Triple:
         return _three(values, name)
 
     return converted
@@ -75,12 +77,8 @@ class Tolerance:
         RequestError: when a number is negative, NaN or not allowed.
     """
 
-    position_m: tuple[float, float, float] = attrs.field(
-        default=_NOTHING, converter=_bounds("position_m")
-    )
-    rotation_rad: tuple[float, float, float] = attrs.field(
-        default=_NOTHING, converter=_bounds("rotation_rad")
-    )
+    position_m: Triple = field(default=_NOTHING, converter=_bounds("position_m"))
+    rotation_rad: Triple = field(default=_NOTHING, converter=_bounds("rotation_rad"))
     tilt_rad: float = scalar(default=0.0)
 
     def __attrs_post_init__(self) -> None:
@@ -194,7 +192,7 @@ class Tolerance:
         return tilt
 
 
-def _free_about(axis: str, others: ArrayLike) -> tuple[float, float, float]:
+def _free_about(axis: str, others: ArrayLike) -> Triple:
     """Bounds on rotations: `FREE` about one axis; about the others one number for both, or two."""
     if not isinstance(axis, str) or axis not in AXES:
         raise UnknownNameError("axis", axis, AXES)
@@ -207,7 +205,7 @@ def _free_about(axis: str, others: ArrayLike) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _three(values: ArrayLike, name: str) -> tuple[float, float, float]:
+def _three(values: ArrayLike, name: str) -> Triple:
     array = float_array(values, name, RequestError)
     if array.shape != (3,):
         raise RequestError(f"{name} needs three numbers, one for each axis; got {quoted(values)}")
@@ -235,8 +233,8 @@ class Task:
         T_gripper_tip: the tip seen from the gripper.
     """
 
-    tolerance: Tolerance = EXACT
-    T_gripper_tip: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    tolerance: Tolerance
+    T_gripper_tip: pin.SE3
 
     @classmethod
     def of(cls, arm: Arm, tolerance: Tolerance) -> Task:

@@ -198,7 +198,7 @@ class _Lasting:
 
     @cached_property
     def Task(self) -> Task:
-        return Task(self.Tolerance)
+        return Task.of(self.Arm, self.Tolerance)
 
     @cached_property
     def SelfMotion(self) -> ik.SelfMotion:

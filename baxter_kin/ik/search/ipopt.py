@@ -108,7 +108,7 @@ class Program:
             widths = np.zeros(6)
         else:
             T = ca.horzcat(_rotation(h_target), p_target)
-            error, widths = _bounded_error(kinematics, T, Task(tolerance))
+            error, widths = _bounded_error(kinematics, T, Task.of(arm, tolerance))
         objective = ca.sumsqr(q - q_seed) / 2
         if is_nearest:
             objective = ca.sumsqr(1e3 * error[:3]) / 2
