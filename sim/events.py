@@ -60,7 +60,7 @@ class Event:
         detail: the facts behind the text, where there are some.
 
     Raises:
-        SimulationError: when a value is of another class, or there is no such side.
+        SimulationError: when a value has the wrong type, or there is no such side.
     """
 
     time_s: float = scalar()
@@ -96,7 +96,7 @@ class Snapshot:
         caption: what is going on, in words.
 
     Raises:
-        SimulationError: when a value is of another class.
+        SimulationError: when a value has the wrong type.
     """
 
     time_s: float = scalar()

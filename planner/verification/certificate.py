@@ -50,7 +50,7 @@ class Check:
         where: move, time, joint or pair of shapes; or why there was nothing to check.
 
     Raises:
-        TaskError: when a value is of another class.
+        TaskError: when a value has the wrong type.
     """
 
     name: str
@@ -183,7 +183,7 @@ class Certificate:
             state: the world before its first step; the plan's own when not given.
 
         Raises:
-            TaskError: when an argument is of another class.
+            TaskError: when an argument has the wrong type.
         """
         expect(plan, Plan, "plan", TaskError)
         if state is not None:

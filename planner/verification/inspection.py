@@ -65,7 +65,7 @@ def verify(
         What was proven of every step, and a table of worst values; or the reason why nothing was.
 
     Raises:
-        TaskError: when an argument is of another class, the plan is for another robot, the state
+        TaskError: when an argument has the wrong type, the plan is for another robot, the state
             lacks a joint of the robot, the limits are of other joints, no move has a label in
             `straight`, or plan or scene are too large (`planner.plan_file.MAX_COUNTS`).
     """

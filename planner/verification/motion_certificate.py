@@ -225,7 +225,7 @@ class MotionCertificate:
             and the fourth.
 
     Raises:
-        TaskError: when a value is of another class.
+        TaskError: when a value has the wrong type.
     """
 
     document: Mapping[str, object]

@@ -63,7 +63,7 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         description: the robot that it is for; the stock robot when not given.
 
     Raises:
-        TaskError: when an argument is of another class, or the plan cannot be certified; gives the
+        TaskError: when an argument has the wrong type, or the plan cannot be certified; gives the
             reason.
     """
     known = RobotDescription.installed() if description is None else description

@@ -82,7 +82,7 @@ class ClosedLoop(OneLine):
             plan: plans an attempt; with a margin, say, or with its time taken.
 
         Raises:
-            SimulationError: when one is of another class, or `retries` no whole number from 0 on.
+            SimulationError: when one has the wrong type, or `retries` no whole number from 0 on.
         """
         self._simulation = expect(simulation, Simulation, "simulation", SimulationError)
         self._manipulator = expect(manipulator, Manipulator, "manipulator", SimulationError)
@@ -103,7 +103,7 @@ class ClosedLoop(OneLine):
             title: put before each caption.
 
         Raises:
-            SimulationError: when `transfer` is of another class.
+            SimulationError: when `transfer` has the wrong type.
         """
         expect(transfer, Transfer, "transfer", SimulationError)
         expect(title, str, "title", SimulationError)

@@ -51,7 +51,7 @@ class NoisyPoses(OneLine):
             rng: where the errors come from; the same numbers make the same errors.
 
         Raises:
-            SimulationError: when one of them is of another class.
+            SimulationError: when an argument has the wrong type.
         """
         self._source = checked_source(source, "source")
         self._noise = expect(noise, Noise, "noise", SimulationError)

@@ -39,7 +39,7 @@ class Look:
         T_base_body: where it seemed to be; None when it was not seen.
 
     Raises:
-        SimulationError: when a value is of another class, or the time is not finite.
+        SimulationError: when a value has the wrong type, or the time is not finite.
     """
 
     time_s: float = scalar()
@@ -60,7 +60,7 @@ class LoggedPoses(NotCopied, OneLine):
 
         Raises:
             RecordingError: when it cannot be opened.
-            SimulationError: when `source` is of another class.
+            SimulationError: when `source` has the wrong type.
         """
         self._source = checked_source(source, "source")
         self._file = LineFile(path)
@@ -116,7 +116,7 @@ class ReplayedPoses(OneLine):
             scene: has the shapes of the bodies; its poses count for nothing.
 
         Raises:
-            SimulationError: when a look is of another class, or their times go backwards.
+            SimulationError: when a look has the wrong type, or their times go backwards.
             SceneError: when a body is not in the scene.
         """
         bodies = expect(scene, Scene, "scene", SimulationError)

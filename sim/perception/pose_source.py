@@ -75,7 +75,7 @@ class TruePoses(Observer):
         """Look at a world.
 
         Raises:
-            SimulationError: when it is of another class.
+            SimulationError: when it has the wrong type.
         """
         self._world = expect(world, World, "world", SimulationError)
         self._past: deque[tuple[float, Mapping[str, pin.SE3]]] = deque(maxlen=KEPT_SNAPSHOTS)

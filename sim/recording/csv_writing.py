@@ -85,7 +85,7 @@ class PlanCsvFile(NotCopied, OneLine):
         """Write the steps of a plan.
 
         Raises:
-            RecordingError: when it is of another class, is invalid, does not say where the other
+            RecordingError: when it has the wrong type, is invalid, does not say where the other
                 arm stands, or starts elsewhere than the last one ended; or when the file cannot be
                 written.
         """
@@ -186,7 +186,7 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
             60 s; 1 s when not given.
 
     Raises:
-        RecordingError: when it is of another class, the file cannot be written, the recording lacks
+        RecordingError: when it has the wrong type, the file cannot be written, the recording lacks
             joints of an arm or is given a dwell, or the plan is invalid or does not say where the
             other arm stands.
     """

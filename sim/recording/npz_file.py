@@ -92,7 +92,7 @@ def save_recording(
         added: further arrays by name, for `numpy.load`; `load_recording` passes over them.
 
     Raises:
-        RecordingError: when it is of another class, holds something that has no place in the file,
+        RecordingError: when it has the wrong type, holds something that has no place in the file,
             or cannot be written.
     """
     expect(recording, Recording, "recording", RecordingError)

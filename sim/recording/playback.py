@@ -27,7 +27,7 @@ def retell(recording: Recording, observer: Observer) -> None:
     beginning.
 
     Raises:
-        RecordingError: when an argument is of another class.
+        RecordingError: when an argument has the wrong type.
     """
     expect(recording, Recording, "recording", RecordingError)
     expect(observer, Observer, "observer", RecordingError)

@@ -107,7 +107,7 @@ class ArmMotion:
         is_exact: whether v, a and j are those of a recorded move, shape (n,); else differences.
 
     Raises:
-        RecordingError: when a value is of another class, an array of another shape or not finite.
+        RecordingError: when a value has the wrong type, an array of another shape or not finite.
     """
 
     joint_names: tuple[str, ...]

@@ -27,7 +27,7 @@ class TaskResult:
             None when there was no need of one.
 
     Raises:
-        SimulationError: when a value is of another class.
+        SimulationError: when a value has the wrong type.
     """
 
     task: str

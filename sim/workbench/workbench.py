@@ -83,7 +83,7 @@ class Workbench(OneLine):
             observers: who is told what happens, such as a `Viewer` of the same robot.
 
         Raises:
-            SimulationError: when an argument is of another class.
+            SimulationError: when an argument has the wrong type.
         """
         known = given_or_stock(robot, SimulationError)
         watching = expect_all(observers, Observer, "the observers", SimulationError)
@@ -187,7 +187,7 @@ class Workbench(OneLine):
             body: one or several shapes, such as a mug or a shelf.
 
         Raises:
-            SceneError: when it is of another class, or the name is taken.
+            SceneError: when it has the wrong type, or the name is taken.
         """
         self._spawn(expect(body, Body, "body", SceneError))
 
@@ -306,7 +306,7 @@ class Workbench(OneLine):
             title: put before what the view says is going on.
 
         Raises:
-            SimulationError: when it is of another class, for another robot, or starts elsewhere.
+            SimulationError: when it has the wrong type, for another robot, or starts elsewhere.
         """
         expect(plan, Plan, "plan", SimulationError)
         certificate = verify(plan, description=self.robot.description)

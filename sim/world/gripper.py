@@ -54,7 +54,7 @@ class Push:
         is_riding: whether it is only carried along by what it stands on.
 
     Raises:
-        SimulationError: when a value is of another class.
+        SimulationError: when a value has the wrong type.
     """
 
     body: str
@@ -491,7 +491,7 @@ class Gripper(OneLine):
         """The fingers have arrived: hold the body, or report a miss.
 
         Raises:
-            SimulationError: when `closing` is of another class.
+            SimulationError: when `closing` has the wrong type.
         """
         expect(closing, Closing, "closing", SimulationError)
         self.close_to(closing, closing.finger_m)

@@ -53,7 +53,7 @@ class World(OneLine):
             body: what it is taken to be; `RobotBody.load()` when not given.
 
         Raises:
-            SimulationError: when the robot is of another class.
+            SimulationError: when the robot has the wrong type.
         """
         self.robot = expect(robot, Baxter, "robot", SimulationError)
         self.shapes = RobotShapes(robot, body)
@@ -287,7 +287,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            SimulationError: when a hand holds it, or `rest` is of another class.
+            SimulationError: when a hand holds it, or `rest` has the wrong type.
         """
         expect(rest, Rest, "rest", SimulationError)
         self.carry(name, rest.T_base_body)

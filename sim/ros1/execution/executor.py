@@ -42,7 +42,7 @@ class RosExecutor(NotCopied, OneLine):
             options: how plans are carried out.
 
         Raises:
-            SimulationError: when an argument is of another class.
+            SimulationError: when an argument has the wrong type.
         """
         self._link = expect(link, BaxterLink, "link", SimulationError)
         self._observers = expect_all(observers, Observer, "the observers", SimulationError)

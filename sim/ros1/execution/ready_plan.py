@@ -31,7 +31,7 @@ class ExecutionOptions:
         despite_lag: whether a simulated Baxter carries out what the tracking proof refuses.
 
     Raises:
-        SimulationError: when a value is of another class, or the time-out is not above zero.
+        SimulationError: when a value has the wrong type, or the time-out is not above zero.
     """
 
     pace: Pace = field(factory=Pace)

@@ -83,7 +83,7 @@ class RosRobot(NotCopied, OneLine):
             RosConnectionError: when the master cannot be reached, or it cannot listen there.
             RosError: when others than this computer would reach it and no host is given, or the
                 package `rosbags` is missing.
-            SimulationError: when an argument is of another class.
+            SimulationError: when an argument has the wrong type.
         """
         expect(world, World, "world", SimulationError)
         self.baxter = SimulatedBaxter(

@@ -66,7 +66,7 @@ class TipTarget(NotCopied, OneLine):
 
         Raises:
             UnknownNameError: when there is no such side.
-            ViewerError: when the view is of another class, or closed.
+            ViewerError: when the view has the wrong type, or closed.
         """
         self._viewer = expect(viewer, Viewer, "viewer", ViewerError)
         self._arm = robot.arm(side)

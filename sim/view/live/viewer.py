@@ -69,7 +69,7 @@ class Viewer(NotCopied, Observer):
 
         Raises:
             ViewerError: when that port is taken or not allowed, Meshcat is missing, or an argument
-                is of another class.
+                has the wrong type.
         """
         keeps = expect(keeps_time, bool, "keeps_time", ViewerError)
         self._robot = given_or_stock(robot, ViewerError)

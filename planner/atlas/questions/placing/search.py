@@ -71,7 +71,7 @@ def where(
     Raises:
         AtlasError: when the map covers no pose of the task at any placement, or a number is not one
             that makes sense.
-        TaskError: when the task is of another class.
+        TaskError: when the task has the wrong type.
         SceneError: when an arm of the map has no fingers.
     """
     expect(atlas, ReachMap, "atlas", AtlasError)

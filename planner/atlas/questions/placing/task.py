@@ -133,7 +133,7 @@ class TableTask:
 
     Raises:
         TaskError: when there is nothing to do, a body is carried that is not there or not movable,
-            or a value is of another class.
+            or a value has the wrong type.
         SceneError: when two bodies share a name.
     """
 
