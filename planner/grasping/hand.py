@@ -200,15 +200,18 @@ class Hand:
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """The distance that each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
-        room = 2 * finger_m
+        max_travel_m = 2 * finger_m
         first, second = self._pads_at(finger_m)
         if any(
             nearer(pad, part, -PRESSING_TOLERANCE_M) for pad in (*first, *second) for part in parts
         ):
             text = f"{seen.name} reaches into a finger before they close"
             return Miss(MissKind.NOT_BETWEEN, text, seen.name)
-        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
-        if first_m is None or second_m is None or first_m + second_m > room:
+        first_m, second_m = (
+            _travel(first, -1.0, parts, max_travel_m),
+            _travel(second, +1.0, parts, max_travel_m),
+        )
+        if first_m is None or second_m is None or first_m + second_m > max_travel_m:
             return self._untouched(seen)
         return first_m, second_m
 
@@ -306,7 +309,7 @@ def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
 
 
 def _travel(
-    pad: Sequence[Part], direction: float, parts: Sequence[Part], room_m: float
+    pad: Sequence[Part], direction: float, parts: Sequence[Part], max_travel_m: float
 ) -> float | None:
     """The distance that a pad moves along y of the gripper to touch a part; None if it does not.
 
@@ -314,16 +317,18 @@ def _travel(
     """
     along = np.array([0.0, direction, 0.0])
     begin = [_shifted(piece, -direction * PRESSING_TOLERANCE_M) for piece in pad]
-    room_m += PRESSING_TOLERANCE_M
-    hits = [travel_to_contact(piece, along, part, room_m) for piece in begin for part in parts]
+    max_travel_m += PRESSING_TOLERANCE_M
+    hits = [
+        travel_to_contact(piece, along, part, max_travel_m) for piece in begin for part in parts
+    ]
     least = min((hit for hit in hits if hit is not None), default=None)
     return None if least is None else least - PRESSING_TOLERANCE_M
 
 
 def nearer(finger: Part, part: Part, than_m: float) -> bool:
     """Whether the distance of two shapes is less than `than_m`; depths are negative distances."""
-    room_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
-    return room_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
+    boxes_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
+    return boxes_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
 
 
 def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:

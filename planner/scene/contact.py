@@ -46,7 +46,7 @@ _Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 def travel_to_contact(
-    moving: Part, direction: FloatArray, still: Part, room_m: float
+    moving: Part, direction: FloatArray, still: Part, max_travel_m: float
 ) -> float | None:
     """Distance that a shape moves along a line until it touches another; None if it does not.
 
@@ -60,15 +60,16 @@ def travel_to_contact(
         moving: the shape that moves, placed in some frame.
         direction: unit vector in that frame, shape (3,).
         still: the other shape, placed in the same frame.
-        room_m: maximum distance.
+        max_travel_m: maximum distance.
     """
-    way = room_m * direction
+    way = max_travel_m * direction
     swept, there = _swept(_bounds(moving), way), _bounds(still)
     if _are_apart(swept, there):
         return None
     firsts, seconds = _pieces(moving, _swept(there, -way)), _pieces(still, swept)
     travels = (
-        _travel(first, second, direction, room_m) for first, second in product(firsts, seconds)
+        _travel(first, second, direction, max_travel_m)
+        for first, second in product(firsts, seconds)
     )
     return min((travel for travel in travels if travel is not None), default=None)
 
@@ -95,7 +96,9 @@ def lift_m(body: Body, other: Body) -> float:
     return max(lifts)
 
 
-def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -> float | None:
+def _travel(
+    moving: _Placed, still: _Placed, along: FloatArray, max_travel_m: float
+) -> float | None:
     """`travel_to_contact` for two convex shapes."""
     (first, T_first), (second, T_second) = moving, still
     pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
@@ -109,9 +112,9 @@ def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -
         closing = float(along @ result.normal)  # gap lost per distance moved
         if gap <= CONTACT_TOLERANCE_M:
             return travel if travel > 0.0 or closing > SLIDING else None
-        if closing <= 0.0 or gap > closing * (room_m - travel) + CONTACT_TOLERANCE_M:
+        if closing <= 0.0 or gap > closing * (max_travel_m - travel) + CONTACT_TOLERANCE_M:
             return None
-        travel = min(travel + gap / closing, room_m)
+        travel = min(travel + gap / closing, max_travel_m)
     return travel
 
 
