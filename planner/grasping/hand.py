@@ -21,6 +21,7 @@ from baxter_kin.validation import expect, finite_scalar
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import (
+    AS_NEAR_M,
     Grasp,
     Miss,
     MissKind,
@@ -46,10 +47,6 @@ CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 
 MAX_OFF_RAD = 1e-4
 """Maximum angle of a finger's motion to that axis: 2 um at the end of its stroke."""
-
-AS_NEAR_M = 1e-4
-"""Parts this much farther from each other than the nearest ones touch, too: pads are of rubber, and
-their mesh has this accuracy."""
 
 
 @frozen(error=SceneError)
@@ -225,7 +222,7 @@ class Hand:
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, or a miss when it slips."""
         pads = self._pads_at(finger_m)
-        overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
+        overlaps = [Overlap.of(pad, moved.placed_parts) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
             return miss_at_edge(moved.name, worst.least_m)
@@ -333,15 +330,6 @@ def nearer(finger: Part, part: Part, than_m: float) -> bool:
 
 def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:
     return max(one[0], other[0]) - min(one[1], other[1])
-
-
-def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
-    """The overlap of a pad with the parts it touches: the nearest, and those about as near."""
-    gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
-    least = min(gaps.values())
-    touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}
-    pieces = [pad[p] for p in sorted({p for p, _ in touching})]
-    return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
 
 
 def _along_y(y: float) -> pin.SE3:

@@ -79,7 +79,7 @@ def depth_m(body: Body, other: Body) -> float:
 
     A body wholly inside a mesh that is not convex touches nothing.
     """
-    gaps = [_gap(*pair) for pair in _near_pieces(body, other)]
+    gaps = [_nearest([one], [two])[0] for one, two in _near_pieces(body, other)]
     return max(0.0, -min(gaps, default=0.0))
 
 
@@ -89,7 +89,7 @@ def lift_m(body: Body, other: Body) -> float:
     top_m, bottom_m = other.extent_m(up)[1], body.extent_m(up)[0]
     above_m = max(0.0, top_m - bottom_m) + PRESSING_TOLERANCE_M
     for moving, still in _near_pieces(body, other):
-        if _gap(moving, still) < -PRESSING_TOLERANCE_M:
+        if _nearest([moving], [still])[0] < -PRESSING_TOLERANCE_M:
             shape, T = moving
             high = shape, coal.Transform3s(T.getRotation(), T.getTranslation() + above_m * up)
             lifts.append(above_m - (_travel(high, still, -up, above_m) or 0.0))
@@ -256,11 +256,6 @@ def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatA
         gap = float(coal.distance(*one, *other, request, result))
         found.append((gap, np.array(result.getNearestPoint1())))
     return min(found, key=lambda pair: pair[0])
-
-
-def _gap(one: _Placed, other: _Placed) -> float:
-    """Distance of two convex shapes; negative inside each other."""
-    return float(coal.distance(*one, *other, coal.DistanceRequest(), coal.DistanceResult()))
 
 
 def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:
