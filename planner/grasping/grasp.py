@@ -26,7 +26,7 @@ from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere, part_extent_m
-from planner.scene.contact import travel_to_contact
+from planner.scene.contact import gap_m, travel_to_contact
 from planner.scene.mesh import Mesh, cuboid
 
 MIN_PAD_M = 0.002
@@ -34,6 +34,10 @@ MIN_PAD_M = 0.002
 
 NEAR_EDGE_M = 0.010
 """A grasp with less of a pad on the body is near an edge: a quarter of the left hand's pads."""
+
+AS_NEAR_M = 1e-4
+"""Parts this much farther from each other than the nearest ones touch, too: pads are of rubber, and
+their mesh has this accuracy."""
 
 ROUNDING_M = 1e-12
 """Maximum distance of a point on the edge of a pad from it, due to rounding."""
@@ -152,12 +156,17 @@ class Overlap:
 
     @classmethod
     def of(cls, pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
-        """The largest overlap of a pad's touching shapes with a shape that touches them.
+        """The largest overlap of a pad with one of the parts it touches, all seen from the tip.
 
-        All are seen from the tip.
+        The nearest shapes touch, and those about as near (`AS_NEAR_M`).
         """
-        spans = [_span(pad, axis) for axis in (0, 2)]
-        return max((_overlap(spans, part) for part in parts), key=lambda found: found.least_m)
+        gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
+        least = min(gaps.values())
+        touching = [pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M]
+        pieces = [pad[p] for p in sorted({p for p, _ in touching})]
+        spans = [_span(pieces, axis) for axis in (0, 2)]
+        overlaps = (_overlap(spans, parts[q]) for q in sorted({q for _, q in touching}))
+        return max(overlaps, key=lambda found: found.least_m)
 
 
 def extent(part: Part, axis: int) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from baxter_kin.validation import expect, finite_scalar
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import (
+    AS_NEAR_M,
     Grasp,
     Miss,
     MissKind,
@@ -46,10 +47,6 @@ CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 
 MAX_OFF_RAD = 1e-4
 """Maximum angle of a finger's motion to that axis: 2 um at the end of its stroke."""
-
-AS_NEAR_M = 1e-4
-"""Parts this much farther from each other than the nearest ones touch, too: pads are of rubber, and
-their mesh has this accuracy."""
 
 
 @frozen(error=SceneError)
@@ -200,15 +197,18 @@ class Hand:
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """The distance that each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
-        room = 2 * finger_m
+        max_travel_m = 2 * finger_m
         first, second = self._pads_at(finger_m)
         if any(
             nearer(pad, part, -PRESSING_TOLERANCE_M) for pad in (*first, *second) for part in parts
         ):
             text = f"{seen.name} reaches into a finger before they close"
             return Miss(MissKind.NOT_BETWEEN, text, seen.name)
-        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
-        if first_m is None or second_m is None or first_m + second_m > room:
+        first_m, second_m = (
+            _travel(first, -1.0, parts, max_travel_m),
+            _travel(second, +1.0, parts, max_travel_m),
+        )
+        if first_m is None or second_m is None or first_m + second_m > max_travel_m:
             return self._untouched(seen)
         return first_m, second_m
 
@@ -222,7 +222,7 @@ class Hand:
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, or a miss when it slips."""
         pads = self._pads_at(finger_m)
-        overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
+        overlaps = [Overlap.of(pad, moved.placed_parts) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
             return miss_at_edge(moved.name, worst.least_m)
@@ -306,7 +306,7 @@ def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
 
 
 def _travel(
-    pad: Sequence[Part], direction: float, parts: Sequence[Part], room_m: float
+    pad: Sequence[Part], direction: float, parts: Sequence[Part], max_travel_m: float
 ) -> float | None:
     """The distance that a pad moves along y of the gripper to touch a part; None if it does not.
 
@@ -314,29 +314,22 @@ def _travel(
     """
     along = np.array([0.0, direction, 0.0])
     begin = [_shifted(piece, -direction * PRESSING_TOLERANCE_M) for piece in pad]
-    room_m += PRESSING_TOLERANCE_M
-    hits = [travel_to_contact(piece, along, part, room_m) for piece in begin for part in parts]
+    max_travel_m += PRESSING_TOLERANCE_M
+    hits = [
+        travel_to_contact(piece, along, part, max_travel_m) for piece in begin for part in parts
+    ]
     least = min((hit for hit in hits if hit is not None), default=None)
     return None if least is None else least - PRESSING_TOLERANCE_M
 
 
 def nearer(finger: Part, part: Part, than_m: float) -> bool:
     """Whether the distance of two shapes is less than `than_m`; depths are negative distances."""
-    room_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
-    return room_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
+    boxes_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
+    return boxes_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
 
 
 def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:
     return max(one[0], other[0]) - min(one[1], other[1])
-
-
-def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
-    """The overlap of a pad with the parts it touches: the nearest, and those about as near."""
-    gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
-    least = min(gaps.values())
-    touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}
-    pieces = [pad[p] for p in sorted({p for p, _ in touching})]
-    return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
 
 
 def _along_y(y: float) -> pin.SE3:

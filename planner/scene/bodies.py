@@ -21,11 +21,10 @@ from baxter_kin.validation import (
     expect,
     expect_all,
     finite_array,
-    is_text,
     positive_scalar,
 )
 from planner.errors import SceneError
-from planner.scene.mesh import Mesh, checked_size
+from planner.scene.mesh import LARGEST_SHAPE_M, SMALLEST_SHAPE_M, Mesh
 
 GREY = (0.6, 0.6, 0.6, 1.0)
 
@@ -44,7 +43,13 @@ def _checked_edges(given: ArrayLike) -> tuple[float, float, float]:
 
 
 def _checked_length(given: object, what: str) -> float:
-    return checked_size(positive_scalar(given, what, SceneError), what)
+    length_m = positive_scalar(given, what, SceneError)
+    if not SMALLEST_SHAPE_M <= length_m <= LARGEST_SHAPE_M:
+        raise SceneError(
+            f"{what} is {length_m:g} m; shapes between {SMALLEST_SHAPE_M:g} m and "
+            f"{LARGEST_SHAPE_M:g} m can be measured{millimetres_hint(length_m)}"
+        )
+    return length_m
 
 
 def _clipped(given: ArrayLike) -> tuple[float, float, float, float]:
@@ -163,7 +168,7 @@ class Body:
     is_movable: bool = False
 
     def __attrs_post_init__(self) -> None:
-        if not is_name(self.name):
+        if not 0 < len(self.name) <= MAX_NAME_LENGTH:
             raise SceneError(
                 f"a body needs a name, of 1 to {MAX_NAME_LENGTH} characters, got "
                 f"{quoted(self.name)}"
@@ -320,11 +325,6 @@ def part_extent_m(part: Part, direction: FloatArray) -> tuple[float, float]:
     T = part.T_body_part
     middle, along_part = float(direction @ T.translation), T.rotation.T @ direction
     return middle - part.shape.support_m(-along_part), middle + part.shape.support_m(along_part)
-
-
-def is_name(name: object) -> bool:
-    """Whether a body may have this name."""
-    return is_text(name) and 0 < len(name) <= MAX_NAME_LENGTH
 
 
 def _check_distance(T: pin.SE3, what: str) -> None:

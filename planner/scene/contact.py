@@ -46,7 +46,7 @@ _Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 def travel_to_contact(
-    moving: Part, direction: FloatArray, still: Part, room_m: float
+    moving: Part, direction: FloatArray, still: Part, max_travel_m: float
 ) -> float | None:
     """Distance that a shape moves along a line until it touches another; None if it does not.
 
@@ -60,15 +60,16 @@ def travel_to_contact(
         moving: the shape that moves, placed in some frame.
         direction: unit vector in that frame, shape (3,).
         still: the other shape, placed in the same frame.
-        room_m: maximum distance.
+        max_travel_m: maximum distance.
     """
-    way = room_m * direction
+    way = max_travel_m * direction
     swept, there = _swept(_bounds(moving), way), _bounds(still)
     if _are_apart(swept, there):
         return None
     firsts, seconds = _pieces(moving, _swept(there, -way)), _pieces(still, swept)
     travels = (
-        _travel(first, second, direction, room_m) for first, second in product(firsts, seconds)
+        _travel(first, second, direction, max_travel_m)
+        for first, second in product(firsts, seconds)
     )
     return min((travel for travel in travels if travel is not None), default=None)
 
@@ -78,7 +79,7 @@ def depth_m(body: Body, other: Body) -> float:
 
     A body wholly inside a mesh that is not convex touches nothing.
     """
-    gaps = [_gap(*pair) for pair in _near_pieces(body, other)]
+    gaps = [_nearest([one], [two])[0] for one, two in _near_pieces(body, other)]
     return max(0.0, -min(gaps, default=0.0))
 
 
@@ -88,14 +89,16 @@ def lift_m(body: Body, other: Body) -> float:
     top_m, bottom_m = other.extent_m(up)[1], body.extent_m(up)[0]
     above_m = max(0.0, top_m - bottom_m) + PRESSING_TOLERANCE_M
     for moving, still in _near_pieces(body, other):
-        if _gap(moving, still) < -PRESSING_TOLERANCE_M:
+        if _nearest([moving], [still])[0] < -PRESSING_TOLERANCE_M:
             shape, T = moving
             high = shape, coal.Transform3s(T.getRotation(), T.getTranslation() + above_m * up)
             lifts.append(above_m - (_travel(high, still, -up, above_m) or 0.0))
     return max(lifts)
 
 
-def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -> float | None:
+def _travel(
+    moving: _Placed, still: _Placed, along: FloatArray, max_travel_m: float
+) -> float | None:
     """`travel_to_contact` for two convex shapes."""
     (first, T_first), (second, T_second) = moving, still
     pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
@@ -109,9 +112,9 @@ def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -
         closing = float(along @ result.normal)  # gap lost per distance moved
         if gap <= CONTACT_TOLERANCE_M:
             return travel if travel > 0.0 or closing > SLIDING else None
-        if closing <= 0.0 or gap > closing * (room_m - travel) + CONTACT_TOLERANCE_M:
+        if closing <= 0.0 or gap > closing * (max_travel_m - travel) + CONTACT_TOLERANCE_M:
             return None
-        travel = min(travel + gap / closing, room_m)
+        travel = min(travel + gap / closing, max_travel_m)
     return travel
 
 
@@ -253,11 +256,6 @@ def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatA
         gap = float(coal.distance(*one, *other, request, result))
         found.append((gap, np.array(result.getNearestPoint1())))
     return min(found, key=lambda pair: pair[0])
-
-
-def _gap(one: _Placed, other: _Placed) -> float:
-    """Distance of two convex shapes; negative inside each other."""
-    return float(coal.distance(*one, *other, coal.DistanceRequest(), coal.DistanceResult()))
 
 
 def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:

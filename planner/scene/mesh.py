@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.display import count, quoted, shortened, shown_path
 from baxter_kin.fields import array, field, frozen
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray, Indices, finite_array, finite_rows, float_array
 from planner.errors import SceneError
 
@@ -144,16 +143,6 @@ def cuboid(size_m: tuple[float, float, float]) -> Mesh:
     """The surface of a box centred on its frame, by its edge lengths along x, y and z."""
     corners = np.array(list(product((-0.5, 0.5), repeat=3))) * size_m
     return Mesh(corners, np.array(_CUBOID))
-
-
-def checked_size(value: float, what: str) -> float:
-    """An edge or radius, refused where distances from such a shape cannot be measured."""
-    if not SMALLEST_SHAPE_M <= value <= LARGEST_SHAPE_M:
-        raise SceneError(
-            f"{what} is {value:g} m; shapes between {SMALLEST_SHAPE_M:g} m and "
-            f"{LARGEST_SHAPE_M:g} m can be measured{millimetres_hint(value)}"
-        )
-    return value
 
 
 def load_mesh(path: str | Path, scale: float | Sequence[float] = 1.0) -> Mesh:

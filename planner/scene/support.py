@@ -113,15 +113,15 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
     A body that it presses on by up to `PRESSING_TOLERANCE_M` carries it where it is.
     """
     lifted = body.at(raised(body.T_base_body, PRESSING_TOLERANCE_M))
-    room_m = lifted.extent_m(UP)[0] - FLOOR_Z_M
+    max_fall_m = lifted.extent_m(UP)[0] - FLOOR_Z_M
     meetings = [
         (travel, part, below, other.name)
         for other in others
         for part in lifted.placed_parts
         for below in other.placed_parts
-        if (travel := travel_to_contact(part, -UP, below, room_m)) is not None
+        if (travel := travel_to_contact(part, -UP, below, max_fall_m)) is not None
     ]
-    travel_m = min((room_m, *(travel for travel, *_ in meetings)))
+    travel_m = min((max_fall_m, *(travel for travel, *_ in meetings)))
     landed = lifted.at(raised(lifted.T_base_body, -travel_m))
     met = [meeting for meeting in meetings if meeting[0] <= travel_m + LEVEL_M]
     met.sort(key=lambda meeting: meeting[0])
@@ -130,7 +130,7 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
         touched_area(part.at(raised(part.T_body_part, -travel)), below)
         for travel, part, below, _ in met
     ]
-    if room_m <= travel_m + LEVEL_M:
+    if max_fall_m <= travel_m + LEVEL_M:
         names.append(FLOOR)
         areas.append(bottom_area(landed.placed_parts))
     drop_m = max(0.0, travel_m - PRESSING_TOLERANCE_M)
