@@ -80,16 +80,6 @@ class ArmChannel(NotCopied, OneLine):
         """Who gets the set-points, this node left out."""
         return tuple(name for name in self._command.readers if name != self._link.node.name)
 
-    @property
-    def gripper_readers(self) -> tuple[str, ...]:
-        """Who gets what is sent to the gripper."""
-        return tuple(self._gripper.readers)
-
-    @property
-    def enable_readers(self) -> tuple[str, ...]:
-        """Who gets the order to enable the robot."""
-        return tuple(self._enable.readers)
-
     def enable(self) -> None:
         """Tell the robot once to switch its motors on."""
         self._enable.publish(self._bool.make(data=True))
