@@ -19,7 +19,7 @@ from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import MotionBounds
 from planner.collision.mover import Mover, Walk
 from planner.collision.robot.robot_shapes import RobotShapes
-from planner.collision.shape_pairs import ShapePairs
+from planner.collision.shape_pairs import ShapePairsBuilder
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment, Scene
 from planner.scene.coal_shapes import hull
@@ -99,12 +99,12 @@ class ClearanceChecker(OneLine):
         own = () if held is None else Contact.of_supports(held.body, touched)
         self.contacts: tuple[Contact, ...] = (*near, *own)
         self.robot: pin.Model = shapes.robot.model
-        self.shapes, pairs = shapes, ShapePairs(shapes, arm)
+        self.shapes, pairs = shapes, ShapePairsBuilder(shapes, arm)
         still = scene if held is None else scene.without(held.body)
         bodies = pairs.add_scene(still, touchable, may_press=may_press, supports=touched)
         if held is not None:
             pairs.add_held(scene[held.body], held.T_link_body, bodies, touched)
-        self.checked = pairs.built()
+        self.checked = pairs.build()
         self.geometry = self.checked.geometry
         self._hulls: dict[int, coal.CollisionGeometry] = {}
 
@@ -162,7 +162,7 @@ class ClearanceChecker(OneLine):
         """
         full = self.configuration(q)
         pair, distance_m = self._nearest(full)
-        return self.checked.between(pair, distance_m)
+        return self.checked.clearance_of(pair, distance_m)
 
     def configuration(self, q: ArrayLike, what: str = "q") -> FloatArray:
         """A full configuration, shape (19,), refused where distances cannot be measured.
@@ -184,7 +184,7 @@ class ClearanceChecker(OneLine):
     @property
     def pairs(self) -> Indices:
         """The two shapes of every pair, shape (n, 2)."""
-        return self.checked.numbers
+        return self.checked.pairs
 
     @property
     def may_touch(self) -> NDArray[np.bool_]:
@@ -219,7 +219,7 @@ class ClearanceChecker(OneLine):
             distance_m = distances.measure(pair, max(least_m, 0.0))
             if distance_m > 0.0 and distances.is_within(pair):
                 distance_m = UNKNOWN_DEPTH_M
-            need_m = self.checked.needs_m[pair]
+            need_m = self.checked.min_distances_m[pair]
             if distance_m < least_m and not distance_m > need_m:  # NaN: without an own need
                 nearest, least_m = pair, distance_m
         return nearest, least_m

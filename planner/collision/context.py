@@ -196,8 +196,8 @@ class Touches:
         if margin_m < 0.0:
             margins_m[~_with_depth(checker)] = 0.0
         contacts = checker.may_touch
-        margins_m[contacts] = checker.checked.needs_m[contacts]
-        margins_m += checker.checked.padding_m
+        margins_m[contacts] = checker.checked.min_distances_m[contacts]
+        margins_m += checker.checked.thickness_m
         for request, margin in zip(self._results.collisionRequests, margins_m, strict=True):
             request.security_margin = float(margin)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(

@@ -1,11 +1,11 @@
-"""Obstacles: linear bounds on distances near a motion, for motion programs.
+"""Obstacles: linearised distances near a motion, for motion programs.
 
 Shapes are represented by their convex hulls, which contain them: the distance of hulls is exact,
 has a direction also inside each other, and costs microseconds. Near a configuration it changes by
 the approach of the nearest points (Schulman et al., "Motion planning with sequential convex
 optimization and convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In
-each interval of a motion it is bounded where it is smallest. These bounds are no proof, which is
-`planner.collision.proof`.
+each interval of a motion it is linearised where it is smallest. This is no proof;
+`planner.collision.proof` proves the result.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ PAIRS = 6
 """Number of pairs whose distances are bounded at one time: the nearest ones."""
 
 REACH_M = 0.15
-"""Distance of pairs that are not bounded: none approaches by this between two solutions."""
+"""Pairs farther apart are not constrained: no pair closes by as much between two iterations."""
 
 KEPT_SHARE = 0.5
 """Share that is kept of a distance smaller than the margin where the arm rests."""
 
-DEEPER_M = 1e-3
-"""Maximum increase of the depth of a hull in one of the scene, relative to where the arm rests.
-Hulls of the robot's own links that are inside each other, as is common, are not bounded."""
+EXTRA_DEPTH_M = 1e-3
+"""A hull that penetrates a body of the scene where the arm rests may penetrate it up to this much
+deeper. Hulls of two links of the robot that overlap there, as is common, are not constrained."""
 
 SAMPLES = 4
 """Number of samples of an interval."""
@@ -44,17 +44,18 @@ class LinearBounds(NamedTuple):
 
     Attributes:
         weights: of the four controls at the time of each bound, shape (n, 4).
-        numbers: derivatives by the joints, m/rad, and offsets, m, shape (n, PAIRS, J + 1).
+        coefficients: for each interval and pair, the gradient, m/rad, and the constant term, m, of
+            the linearised excess, shape (n, PAIRS, J + 1).
         excess_m: the smallest excess in all intervals; `REACH_M` where nothing is that near.
     """
 
     weights: FloatArray
-    numbers: FloatArray
+    coefficients: FloatArray
     excess_m: float
 
 
 class Obstacles:
-    """The obstacles of one situation.
+    """The obstacles in one context.
 
     Attributes:
         needed_m: required distance of each pair, shape (pairs,); minus infinity for none.
@@ -66,16 +67,16 @@ class Obstacles:
         """Measure the distances of the shapes where the arm rests.
 
         Args:
-            checker: of the situation.
+            checker: of the context.
             q_others: a full configuration for all joints but the arm's.
             resting: configurations at which the arm rests, shape (k, J), rad.
             margin_m: distance to keep, as far as it is kept there.
         """
         self._motion_bounds, self._checked = checker.motion_bounds, checker.checked
         self._full = q_others
-        self._numbers: Indices = np.flatnonzero(~checker.may_touch)
-        self._pairs = checker.pairs[self._numbers]
-        self._padding_m = self._checked.padding_m[self._numbers]
+        self._pair_indices: Indices = np.flatnonzero(~checker.may_touch)
+        self._pairs = checker.pairs[self._pair_indices]
+        self._padding_m = self._checked.thickness_m[self._pair_indices]
         self._hull = checker.hull
         self._is_own = (self._pairs < len(checker.shapes.links)).all(axis=1)
         self._functors: dict[int, coal.ComputeDistance] = {}
@@ -102,29 +103,29 @@ class Obstacles:
                 for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
                     least[k] = within_m = min(within_m, excess)
         deepest = least.reshape(intervals, SAMPLES).argmin(axis=1)
-        numbers = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
-        numbers[:, :, -1] = REACH_M
+        coefficients = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
+        coefficients[:, :, -1] = REACH_M
         axes = self._motion_bounds.axes(placed)
         for interval, k in enumerate((SAMPLES * np.arange(intervals) + deepest).tolist()):
             if least[k] < REACH_M:
                 for row, (excess, i) in enumerate(self._nearest(placed, k, gaps[k], PAIRS)):
                     slope = self._slope(placed, k, i, axes[k])
-                    numbers[interval, row] = [*slope, excess - slope @ qs[k]]
+                    coefficients[interval, row] = [*slope, excess - slope @ qs[k]]
         weights = weights_at(fractions[deepest])
-        return LinearBounds(weights, numbers, float(least.min()))
+        return LinearBounds(weights, coefficients, float(least.min()))
 
     def _kept(self, placed: Placed, margin_m: float) -> FloatArray:
         gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
         for k, near in enumerate(gaps < margin_m / KEPT_SHARE):
             for i in np.flatnonzero(near).tolist():
                 least[i] = min(least[i], self._distance(placed, k, i))
-        inside = np.where(self._is_own, -np.inf, least - DEEPER_M)
+        inside = np.where(self._is_own, -np.inf, least - EXTRA_DEPTH_M)
         return np.where(least <= 0.0, inside, np.minimum(margin_m, KEPT_SHARE * least))
 
     def _gaps_m(self, placed: Placed) -> FloatArray:
         """Lower bounds on all distances, shape (configurations, pairs)."""
-        count, pairs = len(placed.shapes), len(self._numbers)
-        at, number = np.repeat(np.arange(count), pairs), np.tile(self._numbers, count)
+        count, pairs = len(placed.shapes), len(self._pair_indices)
+        at, number = np.repeat(np.arange(count), pairs), np.tile(self._pair_indices, count)
         return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
 
     def _nearest(
@@ -164,7 +165,7 @@ class Obstacles:
 
     def _slope(self, placed: Placed, k: int, i: int, axes: FloatArray) -> FloatArray:
         """Derivative of a distance by the joints at a configuration, shape (J,), m/rad."""
-        self._distance(placed, k, i)
+        self._distance(placed, k, i)  # stores normal and nearest points in the result
         origins = placed.joints[k, :, :3, 3]
         x, y, z = np.array(self._result.normal)
         across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # r @ across = r x normal

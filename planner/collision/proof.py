@@ -85,16 +85,16 @@ def prove_move(
         pairs: numbers of the pairs; by default all.
     """
     bounds, checked = checker.motion_bounds, checker.checked
-    numbers = np.arange(len(checked.numbers)) if pairs is None else pairs
+    numbers = np.arange(len(checked.pairs)) if pairs is None else pairs
 
     def poses(time_s: float) -> FloatArray:
         at: FloatArray = bounds.place(full, trajectory.sample(np.array([time_s])).q).shapes[0]
         return at
 
     if is_any_inside(checked, poses(0.0), numbers):
-        needed_m = checked.needed_m(margin_m)
+        needed_m = checked.required_m(margin_m)
         number, distance_m = worst_at(checked, poses(0.0), numbers, needed_m)
-        near = checked.between(number, distance_m, 0.0)
+        near = checked.clearance_of(number, distance_m, 0.0)
         return ContinuousContact(near, float(needed_m[number]), trajectory.duration, 0, 0)
     arrangement, walk = Arrangement.of_mover(checker, full), checker.walk
     rows: Polynomials | FloatArray = walk.along(trajectory.q[0])
@@ -161,7 +161,7 @@ class Arrangement:
                 keep a margin, shape (n,).
         """
         self._checked, self.chain = checked, chain
-        self._thicker_m: FloatArray = checked.thicker_m + thicker_m
+        self._thicker_m: FloatArray = checked.shape_padding_m + thicker_m
         self._levels, self._poses = levels, poses
         self._slides_m = np.zeros(levels.shape[1]) if slides_m is None else slides_m
 
@@ -193,10 +193,10 @@ class Arrangement:
         if found.outcome == Outcome.PROVEN:
             near = Clearance(np.inf, "", "")
             if pair >= 0:
-                near = checked.between(int(numbers[pair]), distance_m, motion.time_s(at))
+                near = checked.clearance_of(int(numbers[pair]), distance_m, motion.time_s(at))
             return ContinuousProof(found.proven_m, near, margin_m, *size)
         pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
-        needed_m = checked.needed_m(margin_m)
+        needed_m = checked.required_m(margin_m)
         for first in (0.0, at) if at == motion.end else (at,):  # both ends may be in contact
             time_s = motion.time_s(first)
             number, measured_m = worst_at(checked, motion.poses(time_s), numbers, needed_m)
@@ -205,7 +205,7 @@ class Arrangement:
         if measured_m > needed_m[number] or checked.is_contact[numbers[pair]]:
             number = int(numbers[pair])
             time_s, measured_m = _least(checked, motion, number)
-        near = checked.between(number, measured_m, time_s)
+        near = checked.clearance_of(number, measured_m, time_s)
         return ContinuousContact(near, float(needed_m[number]), motion.duration_s, *size)
 
     def _found(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
@@ -214,7 +214,7 @@ class Arrangement:
         is_contact = checked.is_contact[numbers]
         placed, pairs = self.placed(numbers)
         pairs["is_counted"] = ~is_contact
-        pairs["least"] = np.where(is_contact, checked.needs_m[numbers], 0.0)
+        pairs["least"] = np.where(is_contact, checked.min_distances_m[numbers], 0.0)
         pairs["end"] = motion.end
         if kernel is None:
             return search(self.chain, placed, pairs, motion.rows, margin_m=margin_m)
@@ -229,7 +229,7 @@ class Arrangement:
     def placed(self, numbers: Indices) -> tuple[PlacedShapes, np.ndarray[Any, Any]]:
         """The trees of pairs that are all different, and the pairs, of type `PAIR`, all counted."""
         checked = self._checked
-        shapes, ways = checked.numbers[numbers], len(self._levels)
+        shapes, ways = checked.pairs[numbers], len(self._levels)
         way = (self._levels[:, shapes] >= 0).all(axis=2).argmax(axis=0)[:, None]
         levels = self._levels[way, shapes]
         is_swapped = levels[:, :1] < levels[:, 1:]

@@ -1,8 +1,8 @@
-"""Pairs of shapes: which are checked in a situation, and the distance that each must keep.
+"""Pairs of shapes: which are checked in a context, and the distance that each must keep.
 
 Pinocchio and coal use one geometry model: the robot's shapes, the bodies of the scene, and the
-body in the hand. `ShapePairs` builds the model for a situation; `CheckedPairs` is the result, which
-never changes, because adding shapes to a model in use corrupts its memory.
+body in the hand. `ShapePairsBuilder` builds the model; `CheckedPairs` is the result. The builder
+must not be used afterwards, because adding shapes to a model in use corrupts its memory.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ Supports: TypeAlias = Set[PartContact | str]
 """What a held or pushed body may touch: pairs of parts, or any part of the named bodies."""
 
 
-class ShapePairs:
-    """Builds the shapes of a situation, and the pairs of them that are checked.
+class ShapePairsBuilder:
+    """Builds the shapes of a context, and the pairs of them that are checked.
 
     Attributes:
         geometry: all shapes, without pairs; the robot's come first, as `RobotShapes` numbers them.
-        numbers: the shapes of every pair.
-        made: all shapes with their properties.
-        needs_m: for pairs that need not keep the margin: number of the pair -> the distance that it
-            must exceed, negative for a contact that may press.
-        wholes: for each shape, the number of the shape that represents the whole link or part.
+        pairs: indices of the two shapes of every pair.
+        link_shapes: all shapes with their properties.
+        min_distances_m: for pairs that need not keep the margin: index of the pair -> the distance
+            that it must exceed, negative for a contact that may press.
+        wholes: for each shape, the index of the shape of its whole link or part, as of
+            `RobotShapes.wholes`.
         shapes: number of a whole part of a body -> its shape.
     """
 
@@ -48,9 +49,9 @@ class ShapePairs:
         """Begin with the pairs of an arm and its robot."""
         self._robot, self._arm = shapes, arm
         self.geometry: pin.GeometryModel = shapes.model.copy()
-        self.numbers: list[tuple[int, int]] = list(shapes.pairs_of(arm))
-        self.made: list[LinkShape] = list(shapes.made)
-        self.needs_m: dict[int, float] = {}
+        self.pairs: list[tuple[int, int]] = list(shapes.pairs_of(arm))
+        self.link_shapes: list[LinkShape] = list(shapes.made)
+        self.min_distances_m: dict[int, float] = {}
         self._part_of: dict[int, int] = {}  # number of a body's shape -> number of its part
         self.wholes: list[int] = list(shapes.whole_of)
         self.shapes: dict[int, Shape] = {}
@@ -79,10 +80,10 @@ class ShapePairs:
             in_pieces = is_near or body.name in supporting
             added[body.name] = self._add(body, 0, body.T_base_body, in_pieces=in_pieces)
             for index, other in product(added[body.name], of_arm):
-                need_m = None
+                min_distance_m = None
                 if is_near and other in hand:
-                    need_m = -PRESSING_TOLERANCE_M if may_press and other in pads else 0.0
-                self.pair(other, index, need_m=need_m)
+                    min_distance_m = -PRESSING_TOLERANCE_M if may_press and other in pads else 0.0
+                self.pair(other, index, min_distance_m=min_distance_m)
         return added
 
     def add_held(
@@ -115,7 +116,7 @@ class ShapePairs:
             for other in others:
                 contact = PartContact(part, name, self._part_of[other])
                 may_touch = name in supports or contact in supports
-                self.pair(index, other, need_m=-PRESSING_TOLERANCE_M if may_touch else None)
+                self.pair(index, other, min_distance_m=-PRESSING_TOLERANCE_M if may_touch else None)
 
     def _add(
         self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool = False
@@ -127,25 +128,25 @@ class ShapePairs:
             is_surface = not in_pieces and isinstance(part.shape, Mesh) and not part.shape.is_convex
             surface = surface_of(part.shape) if is_surface else None
             shapes = (surface.for_contacts,) if surface else convex_pieces(part.shape)
-            whole = len(self.made)
+            whole = len(self.link_shapes)
             self.shapes[whole] = part.shape
             for shape in shapes:
                 self.wholes.append(whole)
-                name = f"{body.name}/{len(self.made)}"
+                name = f"{body.name}/{len(self.link_shapes)}"
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
                 self._part_of[added[-1]] = number
                 inside = None if surface is None else Enclosure.none()
-                self.made.append(LinkShape(body.name, shape, inside, surface))
+                self.link_shapes.append(LinkShape(body.name, shape, inside, surface))
         return added
 
-    def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
+    def pair(self, first: int, second: int, *, min_distance_m: float | None = None) -> None:
         """Add a pair that must keep the margin, or a distance of its own."""
-        if need_m is not None:
-            self.needs_m[len(self.numbers)] = need_m
-        self.numbers.append((first, second))
+        if min_distance_m is not None:
+            self.min_distances_m[len(self.pairs)] = min_distance_m
+        self.pairs.append((first, second))
 
-    def built(self) -> CheckedPairs:
+    def build(self) -> CheckedPairs:
         """The pairs; nothing may be added afterwards."""
         return CheckedPairs(self, self._robot)
 
@@ -156,50 +157,50 @@ def _names_of(supports: Supports) -> frozenset[str]:
 
 
 class CheckedPairs:
-    """The pairs of shapes that are checked in one situation.
+    """The pairs of shapes that are checked in one context.
 
     Attributes:
         geometry: all shapes, without pairs.
         covers: simple shapes around them.
-        numbers: the two shapes of every pair, shape (n, 2).
-        needs_m: distance that each pair must exceed where that is not the margin, shape (n,); NaN
-            for all others.
-        padding_m: amount subtracted from the distance of each pair for the thickness of its
+        pairs: indices of the two shapes of every pair, shape (n, 2).
+        min_distances_m: distance that each pair must exceed where that is not the margin, shape
+            (n,); NaN for all others.
+        thickness_m: amount subtracted from the distance of each pair for the thickness of its
             shapes, shape (n,).
-        distances: of the pairs, less the padding.
-        outside_m: maximum distance of a link's mesh outside each shape, shape (shapes,).
-        thicker_m: additional thickness of each shape where it must not touch anything, shape
+        distances: of the pairs, less the thickness.
+        overshoot_m: maximum distance of a link's mesh outside each shape, shape (shapes,).
+        shape_padding_m: additional thickness of each shape where it must not touch anything, shape
             (shapes,).
     """
 
-    def __init__(self, built: ShapePairs, robot: RobotShapes) -> None:
-        self.geometry, self._made = built.geometry, tuple(built.made)
+    def __init__(self, built: ShapePairsBuilder, robot: RobotShapes) -> None:
+        self.geometry, self._link_shapes = built.geometry, tuple(built.link_shapes)
         self._wholes, self._shapes, self._robot = built.wholes, built.shapes, robot
-        added = [shape.geometry for shape in built.made[len(robot.made) :]]
+        added = [shape.geometry for shape in built.link_shapes[len(robot.made) :]]
         self.covers: Covers = robot.covers.with_those_of(added)
-        self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
-        self.needs_m: FloatArray = np.full(len(self.numbers), np.nan)
-        self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
-        self.outside_m: FloatArray = np.array([each.margin_m for each in built.made])
-        self.thicker_m: FloatArray = np.array([each.padding_m for each in built.made])
+        self.pairs: Indices = np.array(built.pairs, dtype=np.intp).reshape(-1, 2)
+        self.min_distances_m: FloatArray = np.full(len(self.pairs), np.nan)
+        self.min_distances_m[list(built.min_distances_m)] = list(built.min_distances_m.values())
+        self.overshoot_m: FloatArray = np.array([each.overshoot_m for each in built.link_shapes])
+        self.shape_padding_m: FloatArray = np.array([each.padding_m for each in built.link_shapes])
         outside, thicker = (
-            each[self.numbers].sum(axis=1) for each in (self.outside_m, self.thicker_m)
+            each[self.pairs].sum(axis=1) for each in (self.overshoot_m, self.shape_padding_m)
         )
-        self.padding_m: FloatArray = outside + np.where(self.is_contact, 0.0, thicker)
+        self.thickness_m: FloatArray = outside + np.where(self.is_contact, 0.0, thicker)
         self.distances = Distances(
             self.geometry,
-            [each.enclosure for each in built.made],
+            [each.enclosure for each in built.link_shapes],
             robot.pieces,
-            built.numbers,
-            self.padding_m.tolist(),
-            surfaces={i: each.surface for i, each in enumerate(built.made) if each.surface},
+            built.pairs,
+            self.thickness_m.tolist(),
+            surfaces={i: each.surface for i, each in enumerate(built.link_shapes) if each.surface},
         )
 
     @cached_property
     def representatives(self) -> Indices:
         """For each pair, the number of the first pair of the same wholes and need, shape (n,)."""
-        whole = np.array(self._wholes, dtype=np.intp)[self.numbers]
-        columns = [*whole.T, np.nan_to_num(self.needs_m, nan=np.inf)]
+        whole = np.array(self._wholes, dtype=np.intp)[self.pairs]
+        columns = [*whole.T, np.nan_to_num(self.min_distances_m, nan=np.inf)]
         _, first, kind = np.unique(columns, axis=1, return_index=True, return_inverse=True)
         found: Indices = first[kind.reshape(-1)]
         return found
@@ -213,23 +214,23 @@ class CheckedPairs:
     @property
     def is_contact(self) -> NDArray[np.bool_]:
         """Whether a pair need not keep a margin, shape (n,)."""
-        return ~np.isnan(self.needs_m)
+        return ~np.isnan(self.min_distances_m)
 
-    def needed_m(self, margin_m: float) -> FloatArray:
+    def required_m(self, margin_m: float) -> FloatArray:
         """The distance that every pair must exceed when others keep a margin, shape (n,), m."""
-        return np.where(self.is_contact, self.needs_m, margin_m)
+        return np.where(self.is_contact, self.min_distances_m, margin_m)
 
     def gaps_m(self, poses: FloatArray, number: Indices, pair: Indices) -> FloatArray:
-        """Lower bounds on distances, less the padding, shape (k,), m.
+        """Lower bounds on distances, less the thickness, shape (k,), m.
 
         Args:
             poses: of all shapes in base, shape (m, n, 4, 4).
             number: number of the poses that each pair is at, shape (k,).
             pair: number of each pair, shape (k,).
         """
-        return self.covers.gaps_m(poses, number, *self.numbers[pair].T) - self.padding_m[pair]
+        return self.covers.gaps_m(poses, number, *self.pairs[pair].T) - self.thickness_m[pair]
 
-    def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
-        """The clearance of a pair with a distance."""
-        first, second = (self._made[number].link for number in self.numbers[pair])
+    def clearance_of(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
+        """The `Clearance` that reports a distance of a pair."""
+        first, second = (self._link_shapes[number].link for number in self.pairs[pair])
         return Clearance(float(distance_m), first, second, time_s)

@@ -153,7 +153,9 @@ class TubeProofs:
             return self._contact(self._poses(found.q), numbers, at_s, margin_m, size)
         near = Clearance(np.inf, "", "")
         if pair >= 0:
-            near = checked.between(int(numbers[pair]), distance_m, float(tube.times_s[int(at)]))
+            near = checked.clearance_of(
+                int(numbers[pair]), distance_m, float(tube.times_s[int(at)])
+            )
         proven_m = found.proven_m if found.outcome == Outcome.PROVEN else 0.0
         return TubeClearance(min(proven_m, distance_m), near, margin_m, size)
 
@@ -193,8 +195,8 @@ class TubeProofs:
     ) -> TubeClearance:
         """The result for the pair that is nearest at some poses, as measured by coal."""
         checked = self._checker.checked
-        number, distance_m = worst_at(checked, poses, numbers, checked.needed_m(margin_m))
-        near = checked.between(number, distance_m, time_s)
+        number, distance_m = worst_at(checked, poses, numbers, checked.required_m(margin_m))
+        near = checked.clearance_of(number, distance_m, time_s)
         return TubeClearance(min(distance_m, margin_m), near, margin_m, size)
 
     def _poses(self, q: FloatArray) -> FloatArray:

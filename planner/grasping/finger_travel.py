@@ -23,7 +23,7 @@ import pinocchio as pin
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision.proof import Arrangement, Motion
-from planner.collision.shape_pairs import ShapePairs
+from planner.collision.shape_pairs import ShapePairsBuilder
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
 from planner.prover.problem import Chain
@@ -83,23 +83,23 @@ class TravelCheck:
         """
         self._manipulator, self._travel = manipulator, travel
         shapes, arm = manipulator.shapes, manipulator.arm
-        pairs, supports = ShapePairs(shapes, arm), travel.supports
+        pairs, supports = ShapePairsBuilder(shapes, arm), travel.supports
         bodies = pairs.add_scene(travel.scene, travel.touchable, may_press=True, supports=supports)
         self._scene = [index for added in bodies.values() for index in added]
         pushed = bodies.pop(travel.touchable) if travel.touchable and travel.pushed_m else []
         for index in pushed:
             pairs.pair_with_all(index, shapes.wholes - shapes.of_arm(arm), bodies, supports)
-        self._slides_m = np.zeros(len(pairs.made))
+        self._slides_m = np.zeros(len(pairs.link_shapes))
         for finger, sign in zip(shapes.of_fingers(arm), (1.0, -1.0), strict=True):
             self._slides_m[list(finger)] = sign * (travel.end_m - travel.begin_m)
         self._slides_m[pushed] = travel.pushed_m
-        slides = np.zeros(len(pairs.made), np.intp)
+        slides = np.zeros(len(pairs.link_shapes), np.intp)
         for number, finger in enumerate(shapes.of_fingers(arm)):
             slides[list(finger)] = number + 1
         slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes
         self._levels = np.where(slides > 0, 1, 0)
-        self._checked = pairs.built()
-        first, second = slides[self._checked.numbers].T
+        self._checked = pairs.build()
+        first, second = slides[self._checked.pairs].T
         self._nearing: Indices = np.flatnonzero(first != second)
 
     def at(self, q: FloatArray, margin_m: float) -> ContinuousResult:
@@ -118,9 +118,9 @@ class TravelCheck:
         poses = self._poses(arm.neutral)
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[hand] = T @ poses[hand]
-        shapes = self._checked.numbers[self._nearing]
+        shapes = self._checked.pairs[self._nearing]
         numbers = self._nearing[np.isin(shapes, [*hand, *self._scene]).all(axis=1)]
-        result = self._result(poses, T_base_tip, margin_m, numbers, self._checked.outside_m)
+        result = self._result(poses, T_base_tip, margin_m, numbers, self._checked.overshoot_m)
         return result if isinstance(result, ContinuousContact) else None
 
     def _result(

@@ -375,19 +375,19 @@ def _contacts(
     bounds, of_robot = context.checker.motion_bounds, len(context.checker.shapes.links)
     moves = bounds.moves[:, -1]
     stands = ~bounds.moves.any(axis=1) & (np.arange(len(bounds.moves)) >= of_robot)
-    first, second = checked.numbers.T
+    first, second = checked.pairs.T
     pairs = np.flatnonzero((moves[first] & stands[second]) | (stands[first] & moves[second]))
     standing = bounds.place(context.q_others, arm.neutral[None]).shapes
     T_tip_shapes = arm.T_base_tip(arm.neutral).inverse().homogeneous @ standing[0, moves]
     poses = np.tile(standing, (len(T_base_tips), 1, 1, 1))
     poses[:, moves] = np.array([T.homogeneous for T in T_base_tips])[:, None] @ T_tip_shapes
     samples, pair = (each.ravel() for each in np.indices((len(poses), len(pairs))))
-    needs = checked.needed_m(context.margin_m)[pairs[pair]]
+    needs = checked.required_m(context.margin_m)[pairs[pair]]
     found = []
     for near in np.flatnonzero(checked.gaps_m(poses, samples, pairs[pair]) <= needs).tolist():
         number, need_m = int(pairs[pair[near]]), float(needs[near])
         checked.distances.place(poses[samples[near]])
         distance_m = checked.distances.measure(number, max(need_m, 0.0) + ACCURACY_M)
         if distance_m <= need_m:
-            found.append((checked.between(number, distance_m), need_m, int(samples[near])))
+            found.append((checked.clearance_of(number, distance_m), need_m, int(samples[near])))
     return found

@@ -226,7 +226,7 @@ class _Surroundings:
         pairs = range(len(self._checker.may_touch))
         distances = self._checker.distances_m(q, pairs, NEAR_M)  # the others are not measured
         pair = int(np.argmin(distances))
-        near = self._checker.checked.between(pair, distances[pair])
+        near = self._checker.checked.clearance_of(pair, distances[pair])
         mover, other = near.first, near.second
         if self._is_of_arm(other) and not self._is_of_arm(mover):
             mover, other = other, mover

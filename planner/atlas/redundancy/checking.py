@@ -201,7 +201,7 @@ class _Tools:
         for first, second in checker.pairs.tolist():
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         self._results = self._geometry.createData()
-        thick = self._results.collisionRequests, checker.checked.padding_m
+        thick = self._results.collisionRequests, checker.checked.thickness_m
         for request, margin in zip(*thick, strict=True):
             request.security_margin = float(margin)
         self._full, self._where = q_others.copy(), list(robot.indices(robot.arm(side).joint_names))

@@ -48,7 +48,7 @@ class LinkShape:
         geometry: of coal.
         enclosure: the volume that its triangles enclose; None for a convex shape.
         surface: its triangles; None for a convex shape.
-        margin_m: maximum distance of the link's mesh outside the shape.
+        overshoot_m: maximum distance of the link's mesh outside the shape.
         padding_m: additional thickness in pairs that must keep a margin.
         is_whole: whether it is checked against things that must not be touched.
         is_detail: whether it is checked against a body that the hand grasps.
@@ -58,7 +58,7 @@ class LinkShape:
     geometry: coal.CollisionGeometry
     enclosure: Enclosure | None = None
     surface: Surface | None = None
-    margin_m: float = 0.0
+    overshoot_m: float = 0.0
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
@@ -329,7 +329,7 @@ def _shapes_by(content: _Content) -> tuple[LinkShape, ...]:
 def _of_link(link: LinkBody) -> Iterator[LinkShape]:
     pieces = [convex(*piece) for piece in link.pieces] if link.is_in_pieces else []
     if len(pieces) == 1 and not link.has_surface:
-        yield LinkShape(link.name, pieces[0], margin_m=link.margin_m)
+        yield LinkShape(link.name, pieces[0], overshoot_m=link.margin_m)
         return
     whole = link.whole
     inside = link.enclosure if link.has_surface else whole
@@ -339,7 +339,7 @@ def _of_link(link: LinkBody) -> Iterator[LinkShape]:
         surface.for_contacts,
         Enclosure(*inside),
         surface,
-        margin_m=link.margin_m,
+        overshoot_m=link.margin_m,
         is_detail=not pieces,
     )
     yield from (LinkShape(link.name, piece, is_whole=False) for piece in pieces)

@@ -18,7 +18,7 @@ from baxter_kin.validation import FloatArray, Indices
 from planner import Body, Scene
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.robot.robot_shapes import RobotShapes
-from planner.collision.shape_pairs import ShapePairs
+from planner.collision.shape_pairs import ShapePairsBuilder
 from sim.view.telemetry.stated_contacts import Contacts
 
 TIE_M = 1e-4
@@ -66,19 +66,19 @@ class NearestPairs:
         self._shapes, self._model = shapes, shapes.robot.model
         self._data, self._robot_count = self._model.createData(), len(shapes.made)
         arms = [shapes.robot.arm(side) for side in self.sides]
-        pairs = ShapePairs(shapes, arms[0])
+        pairs = ShapePairsBuilder(shapes, arms[0])
         self._of_bodies = pairs.add_scene(
             Scene(self.bodies), None, may_press=False, supports=frozenset()
         )
         self._arms = {arm.side: frozenset(shapes.of_arm(arm)) for arm in arms}
         self._moved = frozenset().union(*self._arms.values())
         self._hands = {side: shapes.of_hand(arm) for side, arm in shapes.robot.arms.items()}
-        known = set(pairs.numbers)
+        known = set(pairs.pairs)
         for first, second in self._further_pairs():
             if (first, second) not in known:
                 known.add((first, second))
                 pairs.pair(first, second)
-        self._checked = pairs.built()
+        self._checked = pairs.build()
         placed = [shape.placement.homogeneous for shape in pairs.geometry.geometryObjects]
         self._T_joint_shapes = np.array(placed)
         self._T_body_parts = np.array(
@@ -86,7 +86,7 @@ class NearestPairs:
         ).reshape(-1, 4, 4)
         joints = [shape.parentJoint for shape in pairs.geometry.geometryObjects]
         self._joints = np.array(joints[: self._robot_count])
-        self._thickness_m = [made.margin_m + made.padding_m for made in pairs.made]
+        self._thickness_m = [shape.overshoot_m + shape.padding_m for shape in pairs.link_shapes]
         self._owners, self._parts = self._numbered_parts()
         self._counting: dict[tuple[object, ...], tuple[Indices, Indices]] = {}
         self._last = 0
@@ -123,11 +123,11 @@ class NearestPairs:
             of_hand, its_m = self._least(poses, of_hands, below_m=distance_m + TIE_M)
             if its_m < distance_m + TIE_M:
                 pair, distance_m = of_hand, its_m
-        near = self._checked.between(pair, distance_m)
+        near = self._checked.clearance_of(pair, distance_m)
         points = self._on_skins(pair, distances.points(pair, distance_m))
         if distance_m > 0.0:
             distance_m = float(np.linalg.norm(points[1] - points[0]))
-        first, second = self._checked.numbers[pair].tolist()
+        first, second = self._checked.pairs[pair].tolist()
         if self._moves(second, contacts, now) and not self._moves(first, contacts, now):
             return Nearest(distance_m, near.second, near.first, points[::-1])
         return Nearest(distance_m, near.first, near.second, points)
@@ -179,7 +179,7 @@ class NearestPairs:
             if len(self._counting) > MOST_KEPT:
                 self._counting.clear()
             counted = np.flatnonzero(self._counts(there, contacts))
-            numbers = self._checked.numbers
+            numbers = self._checked.pairs
             moved, of_hands = (
                 [p for p in counted if any(test(s, contacts, moving) for s in numbers[p].tolist())]
                 for test in (self._moves, self._is_of_hand)
@@ -190,8 +190,8 @@ class NearestPairs:
     def _counts(self, there: frozenset[str], contacts: Contacts) -> NDArray[np.bool_]:
         """Whether each pair counts: robot and robot, robot and body, body and body."""
         names = list(self.bodies)
-        counts = np.ones(len(self._checked.numbers), dtype=np.bool_)
-        for number, pair in enumerate(self._checked.numbers.tolist()):
+        counts = np.ones(len(self._checked.pairs), dtype=np.bool_)
+        for number, pair in enumerate(self._checked.pairs.tolist()):
             links = [shape for shape in pair if self._owners[shape] < 0]
             parts = [
                 (names[self._owners[shape]], int(self._parts[shape]))
@@ -258,7 +258,7 @@ class NearestPairs:
         """Points of two shapes moved towards each other by what these count as thicker."""
         between = points[1] - points[0]
         apart_m = float(np.linalg.norm(between))
-        first_m, second_m = (self._thickness_m[i] for i in self._checked.numbers[pair].tolist())
+        first_m, second_m = (self._thickness_m[i] for i in self._checked.pairs[pair].tolist())
         if apart_m <= first_m + second_m:
             return points
         along = between / apart_m

@@ -72,7 +72,7 @@ class BothArms(ClearanceChecker):
             distance_m = checked.distances.measure(int(pairs[i]), max(least_m, 0.0))
             if distance_m < least_m:
                 found, least_m = int(pairs[i]), distance_m
-        return checked.between(found, least_m)
+        return checked.clearance_of(found, least_m)
 
     @property
     def across(self) -> Indices:
@@ -161,7 +161,7 @@ def test_linear_bounds_change_with_the_joints_of_both_arms(
     checker: BothArms, full: FloatArray, neutral: FloatArray
 ) -> None:
     obstacles = CollisionContext(checker, full).obstacles(0.0, np.zeros((0, 14)))
-    numbers = obstacles.bounds(np.tile(neutral, (4, 1))).numbers[0]
+    numbers = obstacles.bounds(np.tile(neutral, (4, 1))).coefficients[0]
     nearest = numbers[np.argmin(numbers @ [*neutral, 1.0])]
     steps = STEP_RAD * np.eye(14)
     ahead, behind = (

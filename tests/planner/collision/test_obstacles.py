@@ -49,7 +49,7 @@ def test_bounds_are_distances_and_their_derivatives(
     obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
     near = 0
-    for q, rows in zip(positions(controls, bounds.weights), bounds.numbers, strict=True):
+    for q, rows in zip(positions(controls, bounds.weights), bounds.coefficients, strict=True):
         excess = np.sort(rows @ [*q, 1.0])
         assert excess[0] == pytest.approx(least_excess(obstacles, q), abs=1e-9)
         for joint in range(len(q)):
@@ -116,4 +116,4 @@ def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     around = manipulator.context(Scene.of([body]), finger_m=manipulator.finger_m)
     first, second = (obstacles_of(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
     assert 0.0 < first.excess_m < 0.1
-    np.testing.assert_array_equal(first.numbers, second.numbers)
+    np.testing.assert_array_equal(first.coefficients, second.coefficients)

@@ -13,7 +13,7 @@ from baxter_kin import Arm, Baxter
 from planner import Body, Box, Manipulator, Part, RobotShapes, Scene, Sphere
 from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
-from planner.collision.shape_pairs import CheckedPairs, ShapePairs
+from planner.collision.shape_pairs import CheckedPairs, ShapePairsBuilder
 from planner.scene.bodies import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.conftest import at
@@ -156,8 +156,8 @@ class TestAllowedContacts:
 def needs_m(checked: CheckedPairs, body: str) -> dict[str, set[float]]:
     """Distances that links and bodies must exceed to a body: owner of the shape -> distances."""
     found: dict[str, set[float]] = defaultdict(set)
-    for number, need_m in enumerate(checked.needed_m(MARGIN_M).tolist()):
-        near = checked.between(number, 0.0)
+    for number, need_m in enumerate(checked.required_m(MARGIN_M).tolist()):
+        near = checked.clearance_of(number, 0.0)
         if body in (near.first, near.second):
             found[near.first if near.second == body else near.second].add(need_m)
     return found
@@ -166,10 +166,10 @@ def needs_m(checked: CheckedPairs, body: str) -> dict[str, set[float]]:
 def checked(
     shapes: RobotShapes, left: Arm, touchable: str | None = None, *, may_press: bool = False
 ) -> CheckedPairs:
-    pairs = ShapePairs(shapes, left)
+    pairs = ShapePairsBuilder(shapes, left)
     scene = Scene.of([ball("ball", 0.7, 0.2, 0.1)])
     pairs.add_scene(scene, touchable, may_press=may_press, supports=frozenset())
-    return pairs.built()
+    return pairs.build()
 
 
 def test_standing_bodies_keep_the_margin_from_each_link_of_the_arm(
@@ -202,11 +202,11 @@ def test_the_hand_alone_may_come_near_a_touchable_body_and_its_pads_press_on_it(
 def test_a_held_body_is_paired_with_all_bodies_and_links_but_its_hand(
     shapes: RobotShapes, left: Arm
 ) -> None:
-    pairs = ShapePairs(shapes, left)
+    pairs = ShapePairsBuilder(shapes, left)
     others = [ball("stand", 0.7, 0.2, 0.1), ball("other", 0.5, 0.2, 0.1)]
     bodies = pairs.add_scene(Scene.of(others), None, may_press=False, supports={"stand"})
     pairs.add_held(ball("held", 0, 0, 0), ORIGIN, bodies, {"stand"})
-    found = needs_m(pairs.built(), "held")
+    found = needs_m(pairs.build(), "held")
     hand = {shapes.links[i] for i in shapes.of_hand(left)}
     assert set(found) == (set(shapes.links) - hand) | {"stand", "other"}
     assert found["stand"] == {-PRESSING_TOLERANCE_M}
@@ -217,4 +217,4 @@ def test_the_robots_own_pairs_come_first_and_are_those_of_its_arm(
     shapes: RobotShapes, left: Arm
 ) -> None:
     own = list(shapes.pairs_of(left))
-    assert checked(shapes, left).numbers[: len(own)].tolist() == [list(pair) for pair in own]
+    assert checked(shapes, left).pairs[: len(own)].tolist() == [list(pair) for pair in own]

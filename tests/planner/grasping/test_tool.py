@@ -65,7 +65,7 @@ def nearest_m(robot: Baxter, q: np.ndarray[tuple[int], np.dtype[np.float64]], bo
     arm = robot.arm("left")
     checker = ClearanceChecker(RobotShapes(robot), arm, Scene.of([body]))
     full = robot.configuration(arm.joints(q))
-    pairs = [checker.checked.between(pair, 0.0) for pair in range(len(checker.checked.numbers))]
+    pairs = [checker.checked.clearance_of(pair, 0.0) for pair in range(len(checker.checked.pairs))]
     to_body = [n for n, pair in enumerate(pairs) if body.name in (pair.first, pair.second)]
     return float(min(checker.distances_m(full, to_body, 1.0)))
 

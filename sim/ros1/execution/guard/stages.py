@@ -180,5 +180,5 @@ def _least_meant(move: Move, context: CollisionContext, pairs: Indices) -> Clear
         distances = checker.distances_m(full, pairs.tolist())
         index = int(np.argmin(distances))
         if least is None or distances[index] < least.distance_m:
-            least = checker.checked.between(int(pairs[index]), distances[index], t)
+            least = checker.checked.clearance_of(int(pairs[index]), distances[index], t)
     return least

@@ -31,7 +31,7 @@ class PlainCheck:
         for first, second in checker.pairs.tolist():
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         self._results, self._data = self._geometry.createData(), robot.model.createData()
-        margins = checker.checked.padding_m
+        margins = checker.checked.thickness_m
         for request, margin in zip(self._results.collisionRequests, margins, strict=True):
             request.security_margin = float(margin)
         self._full, self._at = q_others, list(robot.indices(robot.arm("left").joint_names))

@@ -463,13 +463,11 @@ def test_a_post_beside_a_finger_is_as_near_as_fcl_finds(mount: ElectricGripper, 
     q = robot.configuration({**arm.joints(arm.start), **hand.finger_joints(hand.stroke_m)})
     checker = ClearanceChecker(shapes, arm, Scene.of([post]))
     names = {f"{side[0]}_gripper_{finger}_finger{tip}" for finger in "lr" for tip in ("", "_tip")}
+    links = [checker.checked.clearance_of(pair, 0.0) for pair in range(len(checker.pairs))]
     found = [
         checker.distances_m(q, [pair], 1.0)[0]
-        for pair in range(len(checker.checked.numbers))
-        if {checker.checked.between(pair, 0.0).first, checker.checked.between(pair, 0.0).second}
-        & names
-        and "post"
-        in (checker.checked.between(pair, 0.0).first, checker.checked.between(pair, 0.0).second)
+        for pair, near in enumerate(links)
+        if "post" in (near.first, near.second) and {near.first, near.second} & names
     ]
     wanted = min(
         fcl_distance(vertices, triangles, (size, centre))

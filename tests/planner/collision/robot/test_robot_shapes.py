@@ -149,7 +149,7 @@ def test_a_palm_has_its_mesh_margin_but_no_padding_against_a_grasped_body(
     for padding_m, touchable in product((0.0, 0.004), (None, "ball")):
         shapes = RobotShapes(robot, body.padded(padding_m))
         checker = ClearanceChecker(shapes, left, scene, touchable=touchable)
-        names = [checker.checked.between(pair, 0.0) for pair in range(len(checker.pairs))]
+        names = [checker.checked.clearance_of(pair, 0.0) for pair in range(len(checker.pairs))]
         wanted = {"left_gripper_base_link", "ball"}
         palm = [{near.first, near.second} == wanted for near in names].index(True)
         [distances[padding_m, touchable]] = checker.distances_m(q, [palm])
@@ -263,7 +263,7 @@ def test_padding_thickens_all_shapes_and_moves_none(
 ) -> None:
     thick = link_shapes(body.padded(0.004), names)
     for one, other in zip(made, thick, strict=True):
-        assert (one.link, one.margin_m) == (other.link, other.margin_m)
+        assert (one.link, one.overshoot_m) == (other.link, other.overshoot_m)
         assert other.padding_m == one.padding_m + 0.004
 
 

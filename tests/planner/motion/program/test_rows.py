@@ -204,7 +204,7 @@ def excesses(
     """What distances exceed what is needed by, bound by bound."""
     found, interval = [], 0
     for each, controls in zip(bounds, Unknowns.of(PHASES, JOINTS).controls, strict=True):
-        for k, numbers in enumerate(each.numbers):
+        for k, numbers in enumerate(each.coefficients):
             q = each.weights[k] @ known[controls[k : k + 4]]
             found += [n[:JOINTS] @ q + n[JOINTS] + shortfalls[interval] for n in numbers if n[0]]
             interval += 1
