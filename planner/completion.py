@@ -27,7 +27,7 @@ from planner.grasping.grasp import Grasp, Miss
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, Step
 from planner.scene.contact import Contact, part_contacts
-from planner.scene.support import come_down
+from planner.scene.support import settle
 from planner.state import State
 
 
@@ -85,7 +85,7 @@ def after(step: Step, state: State, manipulator: Manipulator) -> State:
         if held is None:
             return opened
         body = state.scene[held.body].at(T_base_tip * held.T_link_body)
-        landed = come_down(body, list(state.scene.without(body.name))).body
+        landed = settle(body, list(state.scene.without(body.name))).body
         return opened.released(body.name, landed.T_base_body)
     if step.body is None:
         return state.moved(robot, hand.finger_joints(0.0))

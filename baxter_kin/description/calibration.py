@@ -44,7 +44,7 @@ from baxter_kin.description.urdf import (
     first_free,
     joint_name,
 )
-from baxter_kin.description.urdf_reading import WITHOUT_MOTOR
+from baxter_kin.description.urdf_reading import UNACTUATED_JOINTS
 from baxter_kin.errors import DescriptionError
 
 ROOT = "base"
@@ -95,7 +95,7 @@ def remarks(given: Urdf, own: Urdf, stock: Urdf) -> tuple[str, ...]:
     found = [
         f"its joint {joint.name} is {joint.kind.value}; no Baxter has a motor there, so it is fixed"
         for joint in given.joints
-        if joint.name in WITHOUT_MOTOR and joint.is_movable
+        if joint.name in UNACTUATED_JOINTS and joint.is_movable
     ]
     for name in (HEAD, "head_nod"):
         before, after = given.by_name.get(name), own.by_name.get(name)
@@ -133,7 +133,7 @@ def _wider_limits(joint: UrdfJoint, stock: Urdf) -> Iterator[str]:
 
 def _fixed_without_motor(joint: UrdfJoint) -> UrdfJoint:
     """The same joint, fixed if no motor moves it on any Baxter."""
-    if joint.name not in WITHOUT_MOTOR or not joint.is_movable:
+    if joint.name not in UNACTUATED_JOINTS or not joint.is_movable:
         return joint
     return replace(joint, kind=JointKind.FIXED, axis=X_AXIS, range=None)
 

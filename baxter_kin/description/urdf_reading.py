@@ -1,10 +1,9 @@
 """Reads the tree of a robot from a URDF of any origin, cheaply and without opening other files.
 
-A document type declaration is refused, since entities are declared there: so nothing is expanded
-("billion laughs") and nothing is fetched. Size, nesting and the number of elements are bounded. The
-parser is Expat, which comes with Python and resolves nothing by itself. Of the path of a mesh only
-the bare name is read; no path is looked up. Invalid text is refused with a sentence that begins
-with "it" or "its".
+Document type declarations are rejected, so no entity is ever expanded ("billion laughs") or
+fetched. Size, nesting and the number of elements are bounded. The parser is Expat, which comes with
+Python and resolves nothing by itself. Only the bare name of a mesh is read; no path is looked up.
+Error messages start with "it" or "its", so that a caller can prefix the name of the file.
 """
 
 from __future__ import annotations
@@ -40,11 +39,13 @@ MAX_NESTING = 50
 """Levels of nested elements; a URDF with plugins of simulators has 8."""
 
 MAX_ELEMENTS = 100_000
+"""Elements of one file."""
 
 MAX_NUMBER = 1e6
-"""In SI units. The largest of the original is 50,000 N m, for joints that have no motor."""
+"""Largest magnitude, in SI units; that of the original is 50,000 N m, for unactuated joints."""
 
 MAX_LINKS = 1_000
+"""Links, and likewise joints, of one file."""
 
 MAX_NAME_LENGTH = 100
 """Characters; the longest name in the original has 30."""
@@ -52,18 +53,18 @@ MAX_NAME_LENGTH = 100
 MIN_AXIS_LENGTH = 1e-3
 """Length below which an axis has no direction."""
 
-ROUNDING = 1e-9
-"""Deviation from 1 of the length of an axis that is kept as it is written."""
+UNIT_AXIS_TOLERANCE = 1e-9
+"""Deviation of the length of an axis from 1 up to which it is kept as written."""
 
-WITHOUT_MOTOR = ("torso_t0", "head_nod")
-"""Joints that some files let move although no Baxter can: the first has no motor, and the screen
-nods on a message of its own, not to an angle. They need no range and no axis."""
+UNACTUATED_JOINTS = ("torso_t0", "head_nod")
+"""Joints that some files declare movable although no Baxter can move them to an angle: the first
+has no motor, and the screen nods only on a message. They need no range and no axis."""
 
-SHAPED = ("_finger", "_tool_")
+LINKS_WITH_SHAPES = ("_finger", "_tool_")
 """Parts of the names of links whose shapes are read."""
 
 MAX_SHAPES = 100
-"""Of one link."""
+"""Shapes of one link."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _XACRO_SIGNS = ("${", "$(")
@@ -75,7 +76,7 @@ class Element:
     """An XML element.
 
     Attributes:
-        name: as it is written.
+        name: its tag, as written.
         attributes: text by name.
         children: the elements inside, in order.
         text: the text before the first child.
@@ -100,13 +101,17 @@ def read_xml(text: str | bytes) -> Element:
 
     Args:
         text: the whole text; bytes are decoded as their first line states, else as UTF-8.
+
+    Raises:
+        DescriptionError: when it is not XML, declares a document type, or exceeds a limit.
     """
-    content, encoding = (
-        (text.encode("utf-8", "replace"), "utf-8") if isinstance(text, str) else (text, None)
-    )
+    if isinstance(text, str):
+        content, encoding = text.encode("utf-8", "replace"), "utf-8"
+    else:
+        content, encoding = text, None
     if len(content) > MAX_TEXT_BYTES:
         raise DescriptionError(
-            f"it is larger than {MAX_TEXT_BYTES >> 20} MB, so it is no description of a robot"
+            f"it is larger than {MAX_TEXT_BYTES >> 20} MiB, so it cannot be a robot description"
         )
     content = _from_declaration(content)
     reader = _Reader()
@@ -119,7 +124,7 @@ def read_xml(text: str | bytes) -> Element:
     try:
         parser.Parse(content, True)
     except (expat.ExpatError, ValueError, LookupError) as cause:
-        raise DescriptionError(f"it is no XML: {shortened(str(cause))}") from None
+        raise DescriptionError(f"it is not XML: {shortened(str(cause))}") from None
     return reader.root
 
 
@@ -169,7 +174,15 @@ class _Reader:
 
 
 def read_urdf(text: str | bytes, root: str) -> Urdf:
-    """The tree that a text describes from a root link on, without links that are not on it."""
+    """Parse a URDF and return the tree below a link; links outside it are dropped.
+
+    Args:
+        text: the URDF.
+        root: name of the link.
+
+    Raises:
+        DescriptionError: when the text is not XML, not a URDF, exceeds a limit, or lacks the link.
+    """
     robot = _checked_robot(read_xml(text))
     names = [_name(link) for link in robot.all("link")]
     shapes = {
@@ -226,7 +239,7 @@ def _joint(element: Element, shapes: Mapping[str, tuple[UrdfShape, ...]]) -> Urd
     name = _name(element)
     what, written = f"joint {name}", element.attributes.get("type", "")
     is_fixed = written == JointKind.FIXED.value
-    has_motor = not is_fixed and name not in WITHOUT_MOTOR
+    has_motor = not is_fixed and name not in UNACTUATED_JOINTS
     kind = _kind(name, written) if is_fixed or has_motor else JointKind.REVOLUTE
     child, origin = _link(name, element, "child"), element.first("origin")
     return UrdfJoint(
@@ -244,7 +257,7 @@ def _joint(element: Element, shapes: Mapping[str, tuple[UrdfShape, ...]]) -> Urd
 
 def _shapes(name: str, link: Element) -> tuple[UrdfShape, ...]:
     """The shapes of a link of a hand: the visual ones, or else those for collisions."""
-    if not any(word in name for word in SHAPED):
+    if not any(word in name for word in LINKS_WITH_SHAPES):
         return ()
     elements = list(link.all("visual")) or list(link.all("collision"))
     if len(elements) > MAX_SHAPES:
@@ -368,4 +381,6 @@ def _axis(joint: str, element: Element | None) -> Triple:
         raise DescriptionError(
             f"its joint {joint} has the axis {x:g} {y:g} {z:g}, which points nowhere"
         )
-    return axis if abs(length - 1.0) <= ROUNDING else (x / length, y / length, z / length)
+    return (
+        axis if abs(length - 1.0) <= UNIT_AXIS_TOLERANCE else (x / length, y / length, z / length)
+    )

@@ -60,7 +60,7 @@ class MotionBounds:
         self.chain = JointChain.side_by_side([arm.chain for arm in mover.arms])
         own = [robot.getJointId(name) for name in mover.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in own])
-        self._across = np.linalg.svd(self.chain.axes[:, None])[2][:, 1:]  # two unit normals each
+        self._normals = np.linalg.svd(self.chain.axes[:, None])[2][:, 1:]  # two unit normals each
         shapes = list(geometry.geometryObjects)
         self._parents = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
@@ -69,44 +69,50 @@ class MotionBounds:
         self._is_moved = self.moves.any(axis=1)
         kinds, kind = np.unique(self.moves, axis=0, return_inverse=True)
         self._kind: Indices = kind.reshape(-1)
-        self._alone = np.where(kinds, 0.0, 1.0).T  # 1 for joints that do not move shapes of a kind
-        self._last = len(own) - 1 - self.moves[self._is_moved, ::-1].argmax(axis=1)  # joint of each
-        self._on = np.array(own)[self._last]
+        self._is_fixed_for_kind = np.where(
+            kinds, 0.0, 1.0
+        ).T  # 1 for joints that do not move shapes of a kind
+        self._carrier = (
+            len(own) - 1 - self.moves[self._is_moved, ::-1].argmax(axis=1)
+        )  # joint of each
+        self._carrier_joint = np.array(own)[self._carrier]
         self._others = np.zeros(0)
         self._covers = covers
 
-    def place(self, full: FloatArray, qs: FloatArray) -> Placed:
-        """Poses at configurations of the mover, shape (m, J), the other joints as in `full`."""
-        self._set_others(full)
+    def place(self, q_others: FloatArray, qs: FloatArray) -> Placed:
+        """Poses at configurations of the mover, shape (m, J), the other joints as in `q_others`."""
+        self._refresh(q_others)
         joints = self.chain.poses(qs)
         shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
-        shapes[:, self._is_moved] = joints[:, self._last] @ self._T_last_shapes
+        shapes[:, self._is_moved] = joints[:, self._carrier] @ self._T_last_shapes
         return Placed(joints, shapes)
 
-    def carried(self, full: FloatArray) -> tuple[Indices, FloatArray]:
-        """The joint that carries each shape, and its pose there, all other joints as in `full`.
+    def carried(self, q_others: FloatArray) -> tuple[Indices, FloatArray]:
+        """The joint that carries each shape, and its pose there, all other joints as in `q_others`.
 
         Returns:
             The number of the mover's joint that carries each shape, counted from 1, and 0 for
             shapes that do not move, shape (n,); and poses seen from those joints, from base for 0,
             shape (n, 4, 4).
         """
-        self._set_others(full)
+        self._refresh(q_others)
         levels, poses = np.zeros(len(self._standing), np.intp), self._standing.copy()
-        levels[self._is_moved] = self._last + 1
+        levels[self._is_moved] = self._carrier + 1
         poses[self._is_moved] = self._T_last_shapes
         return levels, poses
 
-    def _set_others(self, full: FloatArray) -> None:
+    def _refresh(self, q_others: FloatArray) -> None:
         """Store the poses of all shapes with the mover at zero, if the other joints have moved."""
-        others = np.array(full)
+        others = np.array(q_others)
         others[self.q_index] = 0.0
         if np.array_equal(others, self._others):
             return
         pin.forwardKinematics(self._robot, self._data, others)
         joints = np.array([T.homogeneous for T in self._data.oMi])
         self._standing = joints[self._parents] @ self._T_joint_shape
-        self._T_last_shapes = np.linalg.inv(joints[self._on]) @ self._standing[self._is_moved]
+        self._T_last_shapes = (
+            np.linalg.inv(joints[self._carrier_joint]) @ self._standing[self._is_moved]
+        )
         self._others = others
 
     def axes(self, placed: Placed) -> FloatArray:
@@ -130,8 +136,8 @@ class MotionBounds:
         is_needed &= self._is_moved
         shapes, (first, second) = np.flatnonzero(is_needed), pairs.T
         column = np.where(is_needed, np.cumsum(is_needed) - 1, len(shapes))  # the last: zero
-        steps = np.zeros((len(turns), len(shapes) + 1, self._alone.shape[1]))
-        steps[:, :-1] = self._levers(placed, shapes) * turns[:, None] @ self._alone
+        steps = np.zeros((len(turns), len(shapes) + 1, self._is_fixed_for_kind.shape[1]))
+        steps[:, :-1] = self._levers(placed, shapes) * turns[:, None] @ self._is_fixed_for_kind
         moved: FloatArray = steps[number, column[first], self._kind[second]]
         moved += steps[number, column[second], self._kind[first]]
         return moved
@@ -143,7 +149,7 @@ class MotionBounds:
         """
         covers, count = self._covers, len(self.q_index)
         ends = placed_points(placed.shapes[:, shapes], covers.ends[shapes])  # m, n, 2, 3
-        across = self._across @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, J, 2, 3
+        across = self._normals @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, J, 2, 3
         offsets = (across @ placed.joints[..., :3, 3, None]).reshape(len(ends), 1, -1)
         across = across.reshape(len(ends), -1, 3).swapaxes(1, 2)  # m, 3, 2 J
         beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 n, 2 J

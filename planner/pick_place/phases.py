@@ -53,7 +53,7 @@ from planner.scene.contact import (
     touching,
 )
 from planner.scene.faces import UP
-from planner.scene.support import MAX_TILT_RAD, Landing, come_down, land
+from planner.scene.support import MAX_TILT_RAD, Landing, fall_straight, settle
 
 MAX_DROP_M = 0.01
 """Maximum height above its support from which a body may be released."""
@@ -140,7 +140,7 @@ class PhaseMaker:
         for name in sorted(touching(body, scene) - in_hands):
             if not scene[name].is_movable:
                 continue
-            landing = land(scene[name], scene.without(name))
+            landing = fall_straight(scene[name], scene.without(name))
             if body.name in landing.supports and landing.drop_m <= PRESSING_TOLERANCE_M:
                 too = ", too" if len(landing.supports) > 1 else ""
                 raise NoSolutionError.at(
@@ -284,8 +284,8 @@ class PhaseMaker:
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
         """Where the body comes to rest after its release; and why that is not allowed, if so."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
-        landing = come_down(let_go, list(self.request.scene.without(self.task.body)))
-        on, way = " and ".join(landing.supports), landing.beside
+        landing = settle(let_go, list(self.request.scene.without(self.task.body)))
+        on, way = " and ".join(landing.supports), landing.overhang
         reason = None
         if landing.drop_m > MAX_DROP_M:
             reason = (

@@ -56,21 +56,32 @@ def make_block(
         is_movable: whether a gripper may carry it.
 
     Raises:
-        SceneError: when the name is empty, an edge is not above zero, or the colour is unknown.
+        SceneError: when the name is empty, an edge is not above zero or is too long for a shape, or
+            the colour is unknown.
         PoseError: when the pose is invalid.
     """
     edges = float_array(edge_m, "edge_m", SceneError)
     is_cube = edges.ndim == 0
     x, y, z = finite_array(np.full(3, edges) if is_cube else edges, (3,), "edge_m", SceneError)
-    rgba = colour_of(colour, name)
+    rgba = resolve_colour(colour, name)
     part = Part(Box((float(x), float(y), float(z))), pin.SE3.Identity(), rgba)
     return Body(name, (part,), T_base_centre, is_movable)
 
 
-def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
-    """Red, green, blue and opacity of `colour`; where it is None, of the colour `name`, or grey."""
+def resolve_colour(
+    colour: str | Sequence[float] | None, default_name: str
+) -> tuple[float, float, float, float]:
+    """Red, green, blue and opacity of a colour.
+
+    Args:
+        colour: one of `COLOURS`, or red, green, blue and opacity in 0 .. 1.
+        default_name: the colour where `colour` is None; grey, if there is none of that name.
+
+    Raises:
+        SceneError: when the colour is unknown or a value is outside 0 .. 1.
+    """
     if colour is None:
-        return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
+        return COLOURS.get(default_name, GREY) if isinstance(default_name, str) else GREY
     if isinstance(colour, str):
         if colour not in COLOURS:
             raise SceneError(
@@ -95,11 +106,11 @@ def load_object(
         kind: name of the file without its ending, such as "block".
         T_base_body: pose of its URDF origin seen from base.
         name: its name in the scene; by default `kind`.
-        is_movable: whether a gripper may carry it.
+        is_movable: whether a gripper may carry it; unlike a block of `make_block`, not by default.
 
     Raises:
-        SceneError: when there is no such file, or it has a shape other than box, cylinder or
-            sphere.
+        SceneError: when there is no such file, it has a shape other than box, cylinder or sphere,
+            or the name is invalid.
         PoseError: when the pose is invalid.
     """
     known = {file.stem: file for file in sorted(URDF_FOLDER.glob("*.urdf"))}

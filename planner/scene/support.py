@@ -43,27 +43,27 @@ from planner.scene.faces import (
 
 FLOOR = "floor"
 
-LEVEL_M = 1e-5
+LEVEL_TOLERANCE_M = 1e-5
 """Supports whose heights differ by less carry a body together."""
 
 MAX_TILT_RAD = math.radians(1.0)
-"""A support of a smaller slope counts as a level one that was measured or built inexactly; nothing
-is put down on a steeper one."""
+"""Slopes up to this count as measurement error of a level support; nothing is placed on a steeper
+one."""
 
-ANGLE_RAD = 1e-6
+TILT_TOLERANCE_RAD = 1e-6
 """Accuracy of a tilt."""
 
 _MAX_TURNS = 3
-"""Turns until a body lies on a support; the first is exact up to second order in the tilt."""
+"""Maximum number of turns until a body lies on a support; the first is exact up to second order."""
 
 _MAX_LIFTS = 64
-"""Rises, each out of one body after the other."""
+"""Maximum number of rises out of other bodies."""
 
 _MAX_EXCHANGES = 500
-"""Steps to the lowest plane; a few suffice, unless rounding makes them cycle."""
+"""Maximum number of steps to the lowest plane; a few suffice, unless rounding makes them cycle."""
 
-_PLANE_M = 1e-9
-"""Points this far above a plane lie in it."""
+_PLANE_TOLERANCE_M = 1e-9
+"""Points less than this above a plane count as lying in it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,27 +88,27 @@ class Landing:
     slope_rad: float = 0.0
 
     @property
-    def beside(self) -> FloatArray | None:
-        """The way from its support polygon to its centre, shape (2,), m; None when it stands."""
+    def overhang(self) -> FloatArray | None:
+        """Vector from its support polygon to its centre, shape (2,), m; None when it is stable."""
         return beside(self.body.centre_base[:2], self.areas)
 
 
-def come_down(body: Body, others: Sequence[Body]) -> Landing:
-    """Where a released body lands: level where it stands so, else tilted as its support."""
+def settle(body: Body, others: Sequence[Body]) -> Landing:
+    """Where a released body comes to rest: level if it is stable so, else tilted as its support."""
     level_body = _levelled(body)
-    level = land(level_body, others)
-    if level.beside is None:
+    level = fall_straight(level_body, others)
+    if level.overhang is None:
         return level
     tilt_rad = _angle(level_body.T_base_body, body.T_base_body)
-    if ANGLE_RAD < tilt_rad <= MAX_TILT_RAD + ANGLE_RAD:
-        lying = land(body, others)
-        if lying.drop_m <= PRESSING_TOLERANCE_M and lying.beside is None:
+    if TILT_TOLERANCE_RAD < tilt_rad <= MAX_TILT_RAD + TILT_TOLERANCE_RAD:
+        lying = fall_straight(body, others)
+        if lying.drop_m <= PRESSING_TOLERANCE_M and lying.overhang is None:
             return replace(lying, tilt_rad=tilt_rad)
     return _turned_to_lie(level, others) or replace(level, slope_rad=_slope(level, others))
 
 
-def land(body: Body, others: Iterable[Body]) -> Landing:
-    """Where a body lands that falls straight down, without turning, onto others or the floor.
+def fall_straight(body: Body, others: Iterable[Body]) -> Landing:
+    """Where a body lands that falls straight down without turning, onto others or the floor.
 
     A body that it presses on by up to `PRESSING_TOLERANCE_M` carries it where it is.
     """
@@ -123,14 +123,14 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
     ]
     travel_m = min((max_fall_m, *(travel for travel, *_ in meetings)))
     landed = lifted.at(raised(lifted.T_base_body, -travel_m))
-    met = [meeting for meeting in meetings if meeting[0] <= travel_m + LEVEL_M]
+    met = [meeting for meeting in meetings if meeting[0] <= travel_m + LEVEL_TOLERANCE_M]
     met.sort(key=lambda meeting: meeting[0])
     names = [name for *_, name in met]
     areas = [
         touched_area(part.at(raised(part.T_body_part, -travel)), below)
         for travel, part, below, _ in met
     ]
-    if max_fall_m <= travel_m + LEVEL_M:
+    if max_fall_m <= travel_m + LEVEL_TOLERANCE_M:
         names.append(FLOOR)
         areas.append(bottom_area(landed.placed_parts))
     drop_m = max(0.0, travel_m - PRESSING_TOLERANCE_M)
@@ -138,7 +138,10 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
 
 
 def lifted_out(body: Body, others: Iterable[Body]) -> Body:
-    """The body raised straight up, by as little as moves it out of all others."""
+    """The body raised straight up, by as little as moves it out of all others.
+
+    The last position, if that takes more than `_MAX_LIFTS` rises.
+    """
     known = list(others)
     for _ in range(_MAX_LIFTS):
         rise_m = max((lift_m(body, other) for other in known), default=0.0)
@@ -172,10 +175,10 @@ def _turned_to_lie(level: Landing, others: Sequence[Body]) -> Landing | None:
         height_m, slope = plane
         turned = _turned(body, UP, np.array([*-slope, 1.0]))
         tilt_rad = _angle(level.body.T_base_body, turned.T_base_body)
-        if tilt_rad > MAX_TILT_RAD + ANGLE_RAD:
+        if tilt_rad > MAX_TILT_RAD + TILT_TOLERANCE_RAD:
             return None
-        landing = land(turned.at(raised(turned.T_base_body, height_m)), others)
-        if landing.beside is None:
+        landing = fall_straight(turned.at(raised(turned.T_base_body, height_m)), others)
+        if landing.overhang is None:
             fallen_m = float(level.body.centre_base[2] - landing.body.centre_base[2])
             drop_m = max(0.0, level.drop_m + fallen_m)
             return replace(landing, drop_m=drop_m, tilt_rad=tilt_rad)
@@ -188,7 +191,7 @@ def _support_plane(body: Body, others: Sequence[Body]) -> tuple[float, FloatArra
     None when no support surrounds its centre, or the slope is too large.
     """
     centre, reach_m = body.centre_base[:2], _reach_m(body)
-    max_slope = float(np.tan(2 * MAX_TILT_RAD))
+    max_slope = float(np.tan(2 * MAX_TILT_RAD))  # from a body that is tilted itself
     lower = [faces_of(part, +1.0) for other in others for part in other.placed_parts]
     lower.append(floor_around(centre, reach_m))
     gaps = np.concatenate(
@@ -236,7 +239,7 @@ def _lowest_plane(
         plane: FloatArray = np.linalg.solve(rows[basis], heights[basis]).astype(np.float64)
         above = heights - rows @ plane
         highest = int(above.argmax())
-        if above[highest] <= _PLANE_M:
+        if above[highest] <= _PLANE_TOLERANCE_M:
             if min(basis) <= count:  # it rests on an artificial corner
                 return None
             return float(plane[0]), plane[1:]

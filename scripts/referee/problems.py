@@ -34,7 +34,7 @@ from planner import (
     plan_pick_and_place,
     plan_start_move,
 )
-from planner.scene.support import come_down
+from planner.scene.support import settle
 from referee.robot import load_robot
 from referee.solids import Array, distance_m, hull_solid, inverse
 from referee.stage import Thing
@@ -267,7 +267,7 @@ def _on_meshes(draw: Draw) -> Problem:
     T_body_pick = body.T_base_body.inverse() * T_pick
     lift_m = draw.number(0.0, draw.within(0.0, 0.004))
     rested, put = (
-        come_down(body.at(_at(0.0, 0.0, 0.15) * T), list(problem.scene)).body
+        settle(body.at(_at(0.0, 0.0, 0.15) * T), list(problem.scene)).body
         for T in (body.T_base_body, T_place * T_pick.inverse() * body.T_base_body)
     )
     return problem.with_bodies([rested]).with_task(

@@ -41,7 +41,7 @@ from planner import (
 )
 from planner.errors import SceneError
 from planner.scene.contact import depth_m
-from planner.scene.objects import colour_of
+from planner.scene.objects import resolve_colour
 from planner.scene.support import lifted_out
 from sim.errors import SimulationError
 from sim.events import Observer
@@ -173,7 +173,7 @@ class Workbench(OneLine):
             SceneError: as for a block, or when a length is not above zero.
         """
         shape = Cylinder(radius_m, length_m)
-        part = Part(shape, pin.SE3.Identity(), colour_of(colour, name))
+        part = Part(shape, pin.SE3.Identity(), resolve_colour(colour, name))
         place = tabletop.turned_on_table(x_m, y_m, 0.0, height_m=length_m)
         self._add(Body(name, (part,), place, is_movable=True))
 

@@ -22,7 +22,7 @@ from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray, finite_scalar
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.scene.support import Landing, come_down
+from planner.scene.support import Landing, settle
 from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81
@@ -114,15 +114,15 @@ def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
         body: what falls.
         others: all bodies that stand still.
     """
-    landing = come_down(body, others)
+    landing = settle(body, others)
     slope_rad = landing.slope_rad
     legs, fell_off = [Leg(body.T_base_body, landing.drop_m)], list[str]()
-    while (way := landing.beside) is not None and len(legs) < MOST_TIPS:
+    while (way := landing.overhang) is not None and len(legs) < MOST_TIPS:
         tipped = _beside_its_footing(landing, way)
         if any(_is_inside(tipped, other) for other in others):
             break
         fell_off += landing.supports
-        landing = come_down(tipped, others)
+        landing = settle(tipped, others)
         legs.append(Leg(tipped.T_base_body, landing.drop_m))
     return Rest(
         T_base_body=landing.body.T_base_body,

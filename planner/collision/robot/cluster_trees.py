@@ -10,7 +10,7 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray
 from planner.certificate.body import Body
-from planner.certificate.clusters import Shape as Clusters
+from planner.certificate.clusters import Shape as ClusterShape
 from planner.certificate.clusters import tree_of
 from planner.certificate.errors import NotCertifiedError
 from planner.collision.robot.robot_body import LinkBody, RobotBody
@@ -18,15 +18,15 @@ from planner.scene.bodies import Box, Cylinder, Shape, Sphere
 
 
 class ClusterTree(NamedTuple):
-    """The tree of clusters of a link or part, in the frame of that.
+    """A tree of clusters, placed in the frame of its link or part.
 
     Attributes:
         clusters: the tree.
-        R, p: its pose there, shapes (3, 3) and (3,).
-        margin_m: additional thickness, as the link's mesh may be outside the clusters.
+        R, p: rotation and translation of the tree in that frame, shapes (3, 3) and (3,), m.
+        margin_m: additional thickness, because the link's mesh may be outside the clusters.
     """
 
-    clusters: Clusters
+    clusters: ClusterShape
     R: FloatArray = np.eye(3)
     p: FloatArray = np.zeros(3)
     margin_m: float = 0.0
@@ -43,8 +43,8 @@ def trees_of(
 
     Args:
         body: the body of the robot.
-        fitted: the same with the robot's own hands.
-        names: of the links that the robot has.
+        fitted: the same body, with the hands that this robot carries.
+        names: the links that the robot has.
         urdf: text of the robot's URDF.
     """
     of_meshes = _of_meshes(urdf) if _is_stock(body) else {}
@@ -62,10 +62,10 @@ def tree_of_part(shape: Shape) -> ClusterTree:
     elif isinstance(shape, Sphere):
         data = {"type": "Sphere", "radius_m": shape.radius_m}
     elif shape.is_convex:
-        return ClusterTree(Clusters.of_points(shape.vertices))
+        return ClusterTree(ClusterShape.of_points(shape.vertices))
     else:
         return ClusterTree(tree_of(shape.corners))
-    return ClusterTree(Clusters.of_file(data, "a shape"))
+    return ClusterTree(ClusterShape.of_file(data, "a shape"))
 
 
 def _is_stock(body: RobotBody) -> bool:

@@ -80,8 +80,8 @@ def test_a_joint_of_no_baxter_is_named(joint: str, pattern: str, by: str, reason
         (without(served(), "left_w2"), "joint left_w2 is missing"),
         (without(served(), "l_gripper_l_finger_joint"), "lacks l_gripper_l_finger_joint"),
         ("this is no XML", "cannot be read"),
-        ("<this is no XML", "no XML"),
-        (b"", "no XML"),
+        ("<this is no XML", "not XML"),
+        (b"", "not XML"),
     ],
 )
 def test_texts_of_other_robots_are_refused(text: str | bytes, reason: str) -> None:

@@ -34,7 +34,7 @@ from planner.pick_place.phases import (
 )
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import MOVES, PlanRequest
-from planner.scene.support import come_down
+from planner.scene.support import settle
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 from tests.planner.pick_place.conftest import ORIGIN, PICK, PLACE, TASK, box, labels, planned
@@ -282,7 +282,7 @@ def test_a_measured_table_may_be_off_level_by_a_degree(
     top = R @ np.array([0.0, 0.0, 0.01])
     tilted = table.at(pin.SE3(R, np.array([0.7, 0.1, -0.155]) - top))
     x = 0.7 - 0.05 / np.cos(np.radians(tilt_deg))
-    standing = come_down(block.at(at(x - 0.0275, 0.1265, -0.05)), [tilted]).body
+    standing = settle(block.at(at(x - 0.0275, 0.1265, -0.05)), [tilted]).body
     place = overhead(0.75, 0.0, -0.129 - 0.05 * np.tan(np.radians(tilt_deg)) + 0.003)
     pick = overhead(x, 0.15, float(standing.centre_base[2]))
     maker = made(manipulator, Scene.of([tilted, standing]), PickAndPlace("block", pick, place))

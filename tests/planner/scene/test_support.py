@@ -22,7 +22,7 @@ from baxter_kin.validation import FloatArray
 from planner import Body, Box, Cylinder, Mesh, Part, Sphere, load_object, make_block
 from planner.scene.bodies import Shape
 from planner.scene.faces import FLOOR_Z_M, SLICE_M
-from planner.scene.support import MAX_TILT_RAD, Landing, come_down
+from planner.scene.support import MAX_TILT_RAD, Landing, settle
 from tests.conftest import at
 
 REST_M = 1e-6
@@ -198,17 +198,17 @@ def test_a_block_is_carried_where_points_of_its_underside_meet_the_mesh(name: st
             continue  # an edge is too near to tell by points
         if narrow.inside_m * wide.inside_m <= 0.0 or abs(narrow.inside_m) < 2 * STEP_M:
             continue
-        landing = come_down(body, [below])
+        landing = settle(body, [below])
         bottom_m = landing.body.centre_base[2] - size[2] / 2
         is_level = landing.tilt_rad == 0.0
         assert landing.supports == (name,)
         if narrow.inside_m > 0.0:
             assert bottom_m == pytest.approx(narrow.height_m, abs=REST_M)
             assert is_level
-            assert landing.beside is None
+            assert landing.overhang is None
         elif is_level:
             assert bottom_m == pytest.approx(narrow.height_m, abs=REST_M)
-            assert landing.beside is not None
+            assert landing.overhang is not None
         compared += 1
     assert compared >= 20
 
@@ -229,8 +229,8 @@ BUMP = Mesh(
 
 
 def test_a_triangle_that_rises_far_away_does_not_carry_a_block() -> None:
-    landing = come_down(block(0.0, 0.0, 0.1, (0.05, 0.05, 0.05), 0.0), [placed("bin", BUMP)])
-    assert landing.beside is None
+    landing = settle(block(0.0, 0.0, 0.1, (0.05, 0.05, 0.05), 0.0), [placed("bin", BUMP)])
+    assert landing.overhang is None
     assert landing.tilt_rad == 0.0
     assert landing.body.centre_base == pytest.approx([0.0, 0.0, 0.025], abs=REST_M)
     area = shapely.MultiPoint(landing.areas[0]).convex_hull.area
@@ -253,9 +253,9 @@ def test_a_bin_as_one_mesh_supports_like_the_same_bin_of_boxes() -> None:
     for x in (-0.08, 0.0, 0.08):
         for y in (-0.05, 0.0, 0.05):
             body = block(x, y, 0.2, (0.05, 0.05, 0.05), 0.3)
-            one, other = (come_down(body, [each]) for each in (as_boxes, as_mesh))
-            assert one.beside is None
-            assert other.beside is None
+            one, other = (settle(body, [each]) for each in (as_boxes, as_mesh))
+            assert one.overhang is None
+            assert other.overhang is None
             np.testing.assert_allclose(
                 one.body.T_base_body.homogeneous, other.body.T_base_body.homogeneous, atol=REST_M
             )
@@ -266,9 +266,9 @@ def test_a_table_turned_by_a_thousandth_of_a_degree_carries_a_block_level_where_
     turned = pose_from_quaternion((1.0, 0.0, -0.93), (0.0001, 0.0, 0.1305, 0.9914), normalise=True)
     table = load_object("table", turned)
     for x in np.linspace(0.75, 1.3, 5):
-        landing = come_down(block(float(x), 0.1, -0.05, (0.05, 0.05, 0.05), 0.0), [table])
+        landing = settle(block(float(x), 0.1, -0.05, (0.05, 0.05, 0.05), 0.0), [table])
         assert landing.supports == ("table",)
-        assert landing.beside is None
+        assert landing.overhang is None
         assert landing.tilt_rad == 0.0
         assert landing.body.centre_base[:2] == pytest.approx([x, 0.1], abs=1e-12)
 
@@ -281,8 +281,8 @@ def test_a_block_lies_as_a_table_that_is_off_level_by_less_than_a_degree(
     T = pin.SE3(pin.exp3(math.radians(tilt_deg) * axis), np.zeros(3))
     top = placed("table", Box((0.8, 0.8, 0.02)) if kind == "box" else mesh(a_grate()), T)
     x = 0.0 if kind == "box" else 0.06
-    landing = come_down(block(x, 0.02, 0.1, (0.05, 0.05, 0.05), 0.4), [top])
-    assert landing.beside is None
+    landing = settle(block(x, 0.02, 0.1, (0.05, 0.05, 0.05), 0.4), [top])
+    assert landing.overhang is None
     assert math.degrees(landing.tilt_rad) == pytest.approx(tilt_deg, abs=2e-3)
     assert landing.body.centre_base[:2] == pytest.approx([x, 0.02], abs=1e-9)
     thick = 0.01 if kind == "box" else 0.0
@@ -294,16 +294,16 @@ def test_a_block_lies_as_a_table_that_is_off_level_by_less_than_a_degree(
 def test_nothing_stands_on_a_steeper_table_and_the_slope_is_reported(shape: Shape) -> None:
     T = pin.SE3(pin.exp3(np.array([0.0, math.radians(1.2), 0.0])), np.zeros(3))
     table = placed("table", Box((0.8, 0.8, 0.02)), T)
-    landing = come_down(placed("body", shape, at(0.0, 0.0, 0.1)), [table])
-    assert landing.beside is not None
+    landing = settle(placed("body", shape, at(0.0, 0.0, 0.1)), [table])
+    assert landing.overhang is not None
     assert math.degrees(landing.slope_rad) == pytest.approx(1.2, abs=1e-6)
 
 
 def test_a_body_beyond_an_edge_is_on_no_slope() -> None:
-    landing = come_down(
+    landing = settle(
         block(0.41, 0.0, 0.1, (0.05, 0.05, 0.05), 0.0), [placed("table", Box((0.8, 0.8, 0.02)))]
     )
-    assert landing.beside is not None
+    assert landing.overhang is not None
     assert landing.slope_rad == 0.0
 
 
@@ -313,8 +313,8 @@ def test_round_bodies_stand_on_a_table_that_is_off_level_by_half_a_degree(shape:
     table = placed("table", Box((0.8, 0.8, 0.02)), T)
     lying = pin.SE3(pin.rpy.rpyToMatrix(math.pi / 2, 0.0, 0.3), np.array([0.1, 0.0, 0.1]))
     for where in (at(0.1, 0.0, 0.1), lying):
-        landing = come_down(placed("body", shape, where), [table])
-        assert landing.beside is None
+        landing = settle(placed("body", shape, where), [table])
+        assert landing.overhang is None
 
 
 def test_a_plank_on_two_posts_of_unequal_height_lies_across_both() -> None:
@@ -322,9 +322,9 @@ def test_a_plank_on_two_posts_of_unequal_height_lies_across_both() -> None:
         make_block("low", at(-0.08, 0.0, -0.001), edge_m=(0.02, 0.02, 0.04)),
         make_block("high", at(0.08, 0.0, 0.0), edge_m=(0.02, 0.02, 0.04)),
     ]
-    landing = come_down(block(0.0, 0.0, 0.1, (0.2, 0.03, 0.01), 0.0), posts)
+    landing = settle(block(0.0, 0.0, 0.1, (0.2, 0.03, 0.01), 0.0), posts)
     assert set(landing.supports) == {"low", "high"}
-    assert landing.beside is None
+    assert landing.overhang is None
     assert landing.tilt_rad == pytest.approx(math.atan(0.001 / 0.16), rel=0.15)
 
 
@@ -345,8 +345,8 @@ def test_on_uneven_ground_a_block_touches_around_its_centre_and_is_nowhere_insid
     ground = Mesh(vertices.reshape(-1, 3), faces)
     x, y = rng.uniform(-0.1, 0.1, 2)
     body = block(x, y, 0.1, (0.09, 0.07, 0.05), float(rng.uniform(-3.0, 3.0)))
-    landing = come_down(body, [placed("ground", ground)])
-    assert landing.beside is None
+    landing = settle(body, [placed("ground", ground)])
+    assert landing.overhang is None
     assert landing.tilt_rad <= MAX_TILT_RAD
     assert landing.body.centre_base[:2] == pytest.approx([x, y], abs=1e-9)
     grid = np.stack(np.meshgrid(np.linspace(-0.045, 0.045, 91), np.linspace(-0.035, 0.035, 71)), -1)
@@ -358,5 +358,5 @@ def test_on_uneven_ground_a_block_touches_around_its_centre_and_is_nowhere_insid
 
 
 def test_a_body_below_the_floor_rises_to_it() -> None:
-    landing = come_down(block(0.0, 0.0, -2.0, (0.05, 0.05, 0.05), 0.0), [])
+    landing = settle(block(0.0, 0.0, -2.0, (0.05, 0.05, 0.05), 0.0), [])
     assert landing.body.centre_base[2] == pytest.approx(FLOOR_Z_M + 0.025, abs=REST_M)
