@@ -45,7 +45,8 @@ def complete(
         TaskError: when an argument is of another class, the manipulator is the other arm, or a
             gripper action contradicts the state.
     """
-    start = expect(plan, Plan, "plan", TaskError).start if state is None else state
+    expect(plan, Plan, "plan", TaskError)
+    start = plan.start if state is None else state
     arm = manipulator_for(plan, manipulator)
     started = evolve(plan, start=expect(start, State, "state", TaskError))
     return evolve(started, steps=tuple(_completed(started, arm)))

@@ -12,12 +12,19 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import millimetres
 from baxter_kin.errors import ConfigurationError, LimitsError
 from baxter_kin.fields import evolve, field, frozen
-from baxter_kin.validation import FloatArray, expect, finite_array, float_array, read_only
+from baxter_kin.validation import (
+    FloatArray,
+    expect,
+    expect_all,
+    finite_array,
+    float_array,
+    read_only,
+)
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.robot.robot_body import RobotBody, identity_of
 from planner.collision.robot.robot_shapes import RobotShapes
-from planner.errors import TaskError
+from planner.errors import SceneError, TaskError
 from planner.grasping.hand import Hand
 from planner.scene.bodies import Attachment, Scene
 from planner.scene.contact import Contact, PartContact
@@ -174,11 +181,13 @@ class Manipulator:
             margin_m: distance to keep from everything else, not negative.
 
         Raises:
-            SceneError: when a contact refers to a body that is not in the scene.
+            SceneError: when a contact refers to a body that is not in the scene, or an argument has
+                the wrong type.
             ConfigurationError: when the state lacks a joint.
             MotionError: when the margin is not a number, or negative.
         """
-        side, touched = self.arm.side, tuple(contacts)
+        side, touched = self.arm.side, expect_all(contacts, Contact, "contacts", SceneError)
+        expect(state, State, "state", SceneError)
         near = [each.body for each in touched if each.other == f"{side} hand"]
         here = evolve(self, q_others=self.robot.configuration(dict(state.joints)))
         return here.context(

@@ -29,7 +29,8 @@ from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_boun
 from planner.certificate.motion import Polynomials, carried
 
 BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(6)
-"""Letters: separated by a stated direction, or by the line between the middles; cut."""
+"""Letters of a trace. The first three separate a pair: by a coarse direction, by a fine one, or by
+the line between the middles. The others cut the first cluster, the second, or the cell of time."""
 
 MAX_TASKS = 50_000
 """Maximum number of tasks of one level of one step; current plans have some hundreds."""
@@ -392,7 +393,7 @@ class Judge:
         return np.where(is_long, found / np.where(is_long, divisor, 1.0) - 1e-15, -np.inf)
 
     def sag_m(self, tasks: Tasks) -> Array:
-        """Maximum sag of a gap between the ends of each cell, M h^2 / 8 + S h / 4, m."""
+        """Maximum sag of a gap in each cell: M h^2 / 8 + S h / 4 and the motion's slack, m."""
         step = self.step
         if step.motion is None:
             return np.zeros(len(tasks))
@@ -464,9 +465,9 @@ def certified_m(robot: Joints, clusters: Clusters, step: Step, advice: Advice) -
         worst = short[np.argmin((gaps_m - least_m)[short])]
         pair = step.pairs[tasks.pair[worst]]
         raise NotCertifiedError(
-            f"{step.label}: {pair.first.name} and {pair.second.name} are not shown to keep "
-            f"{1e3 * pair.least_m:.3f} mm from {tasks.start_s[worst]:.4f} to "
-            f"{tasks.end_s[worst]:.4f} s, but {1e3 * gaps_m[worst]:.3f} mm"
+            f"{step.label}: from {tasks.start_s[worst]:.4f} s to {tasks.end_s[worst]:.4f} s, "
+            f"{pair.first.name} and {pair.second.name} are proven only "
+            f"{1e3 * gaps_m[worst]:.3f} mm apart; {1e3 * pair.least_m:.3f} mm is required"
         )
     is_counted = np.array([pair.is_counted for pair in step.pairs])[tasks.pair]
     return float(gaps_m[is_counted].min(initial=np.inf))

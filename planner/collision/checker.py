@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.display import OneLine, count
+from baxter_kin.display import OneLine, count, shortened
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.validation import FloatArray, Indices, expect, finite_array, whole_scalar
 from planner.clearance import Clearance
@@ -174,7 +174,7 @@ class ClearanceChecker(OneLine):
         Raises:
             ConfigurationError: when `q` has another shape, is not finite or beyond `MAX_JOINT`.
         """
-        full = finite_array(q, (self.robot.nq,), what, ConfigurationError)
+        full = finite_array(q, (self.robot.nq,), shortened(what), ConfigurationError)
         if np.abs(full).max() > MAX_JOINT:
             raise ConfigurationError(
                 f"a joint is at {np.abs(full).max():g}; at most {MAX_JOINT:g} can be measured"

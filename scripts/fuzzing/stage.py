@@ -448,8 +448,8 @@ class _Lasting:
         return s.Closing(0.0, miss=self.Miss)
 
     @cached_property
-    def Contact(self) -> s.world.Contact:
-        return s.world.Contact(0.1, "left_hand", BODY, False, 0.001, True, 0.05)
+    def Contact(self) -> p.Contact:
+        return p.Contact.of_supports(BODY, frozenset({"table"}))[0]
 
     @cached_property
     def Rest(self) -> s.world.Rest:

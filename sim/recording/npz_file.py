@@ -98,7 +98,8 @@ def save_recording(
     expect(recording, Recording, "recording", RecordingError)
     file = checked_path(path)
     document, content = np.frombuffer(_document(recording).encode(), np.uint8), io.BytesIO()
-    further = {f"{ADDED}{name}": array for name, array in (added or {}).items()}
+    given = {} if added is None else expect(added, Mapping, "added", RecordingError)  # type: ignore[type-abstract]
+    further = {f"{ADDED}{name}": array for name, array in given.items()}
     arrays: dict[str, Any] = {**_arrays(recording), "document": document, **further}
     np.savez_compressed(content, **arrays)
     replace_file(file, content.getvalue())

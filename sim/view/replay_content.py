@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Iterator
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from baxter_kin.validation import expect
+from baxter_kin.validation import expect, expect_all
 from planner import Plan
 from planner.collision.robot.robot_body import RobotBody, fitted
 from sim.errors import RecordingError
@@ -75,7 +75,8 @@ def encoded_content(
         check_replayed(compare, robot)
     if body is not None:
         expect(body, RobotBody, "the body", RecordingError)
-    measured = _measured(_without(recording, uncounted), robot, body)
+    names = expect_all(uncounted, str, "uncounted", RecordingError)
+    measured = _measured(_without(recording, names), robot, body)
     content = _content(recording, robot, body, compare, measured)
     return base64.b64encode(zlib.compress(packed(delta_coded(content)), level=9)).decode("ascii")
 

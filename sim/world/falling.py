@@ -76,6 +76,10 @@ class Rest:
     tilt_rad: float = 0.0
     slope_rad: float = 0.0
 
+    def __attrs_post_init__(self) -> None:
+        if not self.supports:
+            raise SimulationError("supports is empty; a body rests on something")
+
     @property
     def support(self) -> str:
         """The first of its supports."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, finite_scalar
 from sim.errors import RecordingError, RosError
 from sim.ros1_messages import MessageType, MessageTypes
 
@@ -60,6 +60,7 @@ def message_type(name: str) -> MessageType:
 
 def nanoseconds(time_s: float) -> int:
     """A time as ROS keeps it."""
+    time_s = finite_scalar(time_s, "time_s", RecordingError)
     if not 0.0 <= time_s < LATEST_S:
         raise RecordingError(f"ROS 1 has times from 0 to {LATEST_S} s, got {time_s:g} s")
     return round(time_s * NANOSECONDS)

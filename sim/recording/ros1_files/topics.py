@@ -90,11 +90,14 @@ class MessageFile(NotCopied, Observer):
         expect(topic, str, "topic", RecordingError)
         expect(kind, MessageType, "kind", RecordingError)
         expect(data, bytes, "data", RecordingError)
+        time_ns = nanoseconds(time_s)
         if topic not in self._others:
-            with self._output.writing():
+            with self._output.writing() as stream:
+                if stream.closed:
+                    raise ValueError("write to closed file")
                 self._open(topic, kind)
             self._others.add(topic)
-        self._write(topic, nanoseconds(time_s), data)
+        self._write(topic, time_ns, data)
 
     @abstractmethod
     def _open(self, topic: str, kind: MessageType) -> None:

@@ -66,10 +66,10 @@ class TipTarget(NotCopied, OneLine):
 
         Raises:
             UnknownNameError: when there is no such side.
-            ViewerError: when the view has the wrong type, or closed.
+            ViewerError: when the viewer or the robot has the wrong type, or the viewer is closed.
         """
         self._viewer = expect(viewer, Viewer, "viewer", ViewerError)
-        self._arm = robot.arm(side)
+        self._arm = expect(robot, Baxter, "robot", ViewerError).arm(side)
         self._ik = IKService(self._arm)
         self._joints = list(robot.indices(self._arm.joint_names))
         self.T_base_target = self._arm.T_base_tip(viewer.q[self._joints])

@@ -223,7 +223,7 @@ class Viewer(NotCopied, Observer):
         Raises:
             ViewerError: when there is none of that name, or the view is closed.
         """
-        self._pages.publish(self._scene.remove_body(name))
+        self._pages.publish(self._scene.remove_body(expect(name, str, "name", ViewerError)))
 
     def replay(self) -> Replay:
         """A replay of what was shown of the last simulation, its last two minutes at most.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -183,7 +184,7 @@ def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
 @pytest.mark.parametrize(
     ("apart_m", "given", "reason"),
     [
-        (0.0009, letters(BY_MIDDLES), "not shown to keep 1.000 mm"),
+        (0.0009, letters(BY_MIDDLES), "1.000 mm is required"),
         (0.01, letters(), "ends too soon"),
         (0.01, letters(BY_DIRECTION), "ends too soon"),
         (0.01, letters(6), "malformed"),
@@ -200,3 +201,19 @@ def test_an_insufficient_witness_is_refused(
     step = pair_of_boxes(clusters, apart_m)
     with pytest.raises(NotCertifiedError, match=reason):
         certified_m(own, clusters, step, Advice(given))
+
+
+def test_pairs_that_the_theorem_does_not_cover_are_refused(
+    own: Robot, clusters: Clusters, step: Step, movers: list[Mover]
+) -> None:
+    moving = max(movers, key=lambda mover: mover.level)
+    resting = min(movers, key=lambda mover: mover.level)
+    inner = next(mover for mover in movers if 0 < mover.level < moving.level)
+    for first, second, reason in (
+        (resting, moving, "wrong order"),
+        (inner, inner, "one frame"),
+        (replace(inner, slide_m=(0.0, 0.01)), resting, "only what the last joint carries slides"),
+    ):
+        pair = Pair(first, second, 0.0, 0.0, 1.0)
+        with pytest.raises(NotCertifiedError, match=reason):
+            Judge(own, clusters, replace(step, pairs=[pair]))

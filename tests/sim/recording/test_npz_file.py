@@ -214,7 +214,7 @@ class TestRefused:
             (('"captions":', '"titles":[],"captions":'), "recording has an entry 'titles'"),
             (('"start_s":', '"start_s":"early","was":'), r"moves\[0\]\.start_s must be of type"),
             (('"start_s":', '"was":1.0,"start_s":'), r"moves\[0\] has an entry 'was'; a Recorded"),
-            (("{", ""), "no complete JSON"),
+            (("{", ""), "not complete JSON"),
         ],
     )
     def test_another_document(

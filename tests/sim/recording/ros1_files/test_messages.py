@@ -71,9 +71,9 @@ def test_text_comes_back(said: str) -> None:
     assert read(TEXT, text(said)).data == said
 
 
-@pytest.mark.parametrize("time_s", [-1e-6, 2.0**32, np.nan, np.inf])
-def test_times_that_ros_has_not_are_refused(time_s: float) -> None:
-    with pytest.raises(RecordingError, match="ROS 1 has times from 0"):
+@pytest.mark.parametrize("time_s", [-1e-6, 2.0**32, np.nan, np.inf, "1", None, 10**400])
+def test_times_that_ros_does_not_have_are_refused(time_s: Any) -> None:
+    with pytest.raises(RecordingError):
         nanoseconds(time_s)
 
 

@@ -95,7 +95,7 @@ class TestSdf:
         ("text", "said"),
         [
             ("<sdf><world/></sdf>", "no model"),
-            ("nonsense", "no XML"),
+            ("nonsense", "not XML"),
             ("<html/>", "'html'"),
             ("<!DOCTYPE sdf><sdf/>", "document type"),
             (sdf(""), "1 .. 1000 shapes, got 0"),

@@ -87,7 +87,7 @@ def test_a_name_that_is_taken_is_no_success_and_changes_nothing(furnished: Shop)
 
 @pytest.mark.parametrize(
     ("name", "xml", "said"),
-    [("", BLOCK_URDF, "needs a name"), ("x", "<nothing", "no XML"), ("x", "<a/>", "'a'")],
+    [("", BLOCK_URDF, "needs a name"), ("x", "<nothing", "not XML"), ("x", "<a/>", "'a'")],
 )
 def test_what_is_no_model_is_no_success(shop: Shop, name: str, xml: str, said: str) -> None:
     response = shop.spawn(name, xml)
