@@ -28,7 +28,7 @@ from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousP
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
 from planner.motion.response import Response
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.contact import Contact
 from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
@@ -253,7 +253,7 @@ class Plan:
     steps: tuple[Step, ...] = sequence()
     failure: PlanFailure | None = None
     robot: RobotIdentity | None = None
-    line_tolerance: LineTolerance = STRICT
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE
     response: Response | None = None
     limb: str = ""
 

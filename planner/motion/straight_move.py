@@ -24,7 +24,7 @@ from planner.motion.program.guess import LineFollowed, bent_to, guess_along
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import (
-    STRICT,
+    DEFAULT_TOLERANCE,
     LineTolerance,
     StraightLine,
     intervals_of,
@@ -61,7 +61,7 @@ def plan_straight_move(
     acceleration_start_m_s2: float = 0.0,
     speed_end_m_s: float = 0.0,
     acceleration_end_m_s2: float = 0.0,
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     fineness: int = 1,
     clip_start: bool = False,
 ) -> Trajectory:

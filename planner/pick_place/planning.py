@@ -32,7 +32,7 @@ from planner.errors import MotionError, ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
 from planner.motion.response import Response
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
@@ -51,7 +51,7 @@ def plan_pick_and_place(
     state: State | None = None,
     margin_m: float = 0.0,
     held: Sequence[Attachment] = (),
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     response: Response | None = None,
     clip_start: bool = False,
 ) -> Plan:
@@ -181,7 +181,7 @@ def plan_retract(
     state: State | None = None,
     margin_m: float = 0.0,
     held: Sequence[Attachment] = (),
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     clip_start: bool = False,
 ) -> Plan:
     """Open the fingers, and rise straight up from the current pose.
@@ -245,7 +245,7 @@ def _requested(
     state: State | None,
     *,
     margin_m: float,
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     q_name: str = "q_start",
     clip_start: bool,
 ) -> PlanRequest:

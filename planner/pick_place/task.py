@@ -21,7 +21,7 @@ from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
@@ -127,4 +127,4 @@ class PlanRequest:
     q_start: FloatArray
     margin_m: float = 0.0
     held: tuple[Attachment, ...] = ()
-    line_tolerance: LineTolerance = STRICT
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE

@@ -211,7 +211,7 @@ class MotionProgram:
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.line is not None and arm is not None:
                 line = task.lines[phase.line]
-                x[fractions] = [line.nearest(arm.T_base_tip(q)) for q in sketch.q]
+                x[fractions] = [line.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
         return x
 
     def _motions(
