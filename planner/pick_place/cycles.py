@@ -128,14 +128,14 @@ class CycleProgram:
         arm, limits = self._manipulator.arm, self._manipulator.limits
         intervals = tuple(sketch.intervals for sketch in sketches)
         program = _program(intervals, len(limits.names))
-        found = program.solve(sketches, self._task, arm, limits, clearances)
-        if found is None:
+        motions = program.solve(sketches, self._task, arm, limits, clearances)
+        if motions is None:
             return None
         pick, place, end = self._task.lines
-        _, down_pick, up_pick, _, down_place, up_end = found
+        _, down_pick, up_pick, _, down_place, up_end = motions
         straight = (pick, down_pick), (pick, up_pick), (place, down_place), (end, up_end)
         is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
-        return found if is_straight else None
+        return motions if is_straight else None
 
     def _sketched(self, pair: CandidatePair) -> list[Sketch] | None:
         """A guess: up the lines while accelerating, down in reverse, and smoothly in between.

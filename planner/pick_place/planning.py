@@ -85,11 +85,11 @@ def plan_pick_and_place(
 
     Raises:
         SceneError: when the body is not in the scene.
-        TaskError: when the body cannot be moved, or an argument is of another class.
+        TaskError: when the body cannot be moved, or an argument has the wrong type.
         ConfigurationError: when `q_start` is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
             `LineTolerance`.
-        ResponseError: when the response is of another class.
+        ResponseError: when the response has the wrong type.
     """
     expect(task, PickAndPlace, "task", TaskError)
     if response is not None:
@@ -211,7 +211,8 @@ def plan_retract(
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
         TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
-        MotionError: when the margin is not a number, or negative, or a tolerance of another class.
+        MotionError: when the margin is not a number, or negative, or a tolerance has the wrong
+            type.
     """
     request = _requested(
         manipulator,

@@ -96,7 +96,7 @@ def follow(
     Newton's method with least-norm steps (Whitney, "Resolved motion rate control of manipulators
     and human prostheses", 1969); joints that reach a limit are held there.
     """
-    found: list[FloatArray] = []
+    configurations: list[FloatArray] = []
     at = 0.0
     for s in fractions:
         to = s
@@ -107,9 +107,9 @@ def follow(
             elif to - at > MIN_STRIDE:
                 to = (at + to) / 2.0
             else:
-                return LineFollowed(found, at, q)
-        found.append(q)
-    return LineFollowed(found, at, q)
+                return LineFollowed(configurations, at, q)
+        configurations.append(q)
+    return LineFollowed(configurations, at, q)
 
 
 def _corrected(
