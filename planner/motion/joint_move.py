@@ -40,7 +40,7 @@ from planner.motion.joint_profile import (
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
 MIN_SEGMENT_S = 1e-12
-"""Shorter phases are due to Ruckig's rounding and are dropped."""
+"""Minimum duration of a phase; shorter ones are due to Ruckig's rounding and are dropped."""
 
 MAX_MOTION_S = 7.6e3
 """Maximum duration of a motion that Ruckig computes."""
@@ -77,15 +77,16 @@ _EXACT = 1e-11
 """Maximum error of a profile at its goal, in rad, rad/s and rad/s^2; Ruckig accepts 1e-8."""
 
 _MIN_KNOT_GAP_S = 1e-14
-"""Knots of several joints that are closer are merged. Merging more distant ones would matter at the
-end of a long motion: a jerk that lasts too long by dt moves the end by j dt t^2 / 2."""
+"""Minimum distance of knots of several joints; closer ones are merged. Merging more distant ones
+would matter at the end of a long motion: a jerk that lasts too long by dt moves the end by
+j dt t^2 / 2."""
 
 _MAX_ROUNDS = 50
-"""How often the duration is raised before each joint passes through rest; seven joints need a
-few."""
+"""Maximum number of times that the duration is raised before each joint passes through rest; seven
+joints need a few."""
 
 _MIN_GAIN_S = 1e-7
-"""A profile must be faster by this to be preferred to one that is closer to the given limits."""
+"""Minimum gain of a profile that is preferred to one that is closer to the required limits."""
 
 
 ROUNDING_RAD = 1e-6
@@ -282,14 +283,14 @@ class _Joint(NamedTuple):
             at_least_s: minimum duration.
             soon_enough_s: a profile of at most this duration is returned even if another is faster.
         """
-        found = []
-        least_s = max(self.rates.least_s(self.start, self.goal), at_least_s, soon_enough_s)
+        profiles = []
+        min_s = max(self.rates.min_duration_s(self.start, self.goal), at_least_s, soon_enough_s)
         for profile in self._candidates(at_least_s):
-            if profile.duration <= least_s + _MIN_GAIN_S:
+            if profile.duration <= min_s + _MIN_GAIN_S:
                 return profile
-            found.append(profile)
-        least_s = min(profile.duration for profile in found)
-        return next(profile for profile in found if profile.duration <= least_s + _MIN_GAIN_S)
+            profiles.append(profile)
+        min_s = min(profile.duration for profile in profiles)
+        return next(profile for profile in profiles if profile.duration <= min_s + _MIN_GAIN_S)
 
     def _candidates(self, at_least_s: float) -> Iterator[Profile]:
         shortest = direct(*self)
@@ -416,11 +417,11 @@ def _instant(state: JointState, limits: JointLimits) -> Trajectory:
 
 
 def _refuse_endless(start: JointState, goal: JointState, limits: JointLimits) -> None:
-    least_s = np.abs(goal.q - start.q) / limits.v_max
-    slowest = int(least_s.argmax())
-    if least_s[slowest] > MAX_MOTION_S:
+    min_s = np.abs(goal.q - start.q) / limits.v_max
+    slowest = int(min_s.argmax())
+    if min_s[slowest] > MAX_MOTION_S:
         raise MotionError(
-            f"{limits.names[slowest]} needs at least {least_s[slowest]:.4g} s at "
+            f"{limits.names[slowest]} needs at least {min_s[slowest]:.4g} s at "
             f"{limits.v_max[slowest]:.4g} rad/s; motions of up to {MAX_MOTION_S:g} s are "
             "planned: allow more speed"
         )

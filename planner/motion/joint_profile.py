@@ -5,7 +5,7 @@ one of its phases negative. Where a phase has zero length, as for a state sample
 time-optimal motion, it may miss the fastest profile, and return one that takes several times as
 long, or none. The profiles of this module cover those cases:
 
-- `direct`: at most two phases. `Rates.least_s` proves in many cases that nothing is faster.
+- `direct`: at most two phases. `Rates.min_duration_s` proves in many cases that nothing is faster.
 - `through_rest`: brake, move from rest to rest, and accelerate. It always exists, and can wait at
   rest.
 """
@@ -100,7 +100,7 @@ class Rates(NamedTuple):
         """Limits that are higher by this share."""
         return Rates(*(x * (1.0 + share) for x in self))
 
-    def least_s(self, start: AxisState, goal: AxisState) -> float:
+    def min_duration_s(self, start: AxisState, goal: AxisState) -> float:
         """Lower bound on the duration between two states, by the mean value theorem."""
         return max(abs(y - x) / rate for x, y, rate in zip(start, goal, self, strict=True))
 

@@ -64,16 +64,15 @@ MIN_REACH_M = 2.0
 all points within 0.58 m of it; the value is larger only for bodies that are longer."""
 
 
-def _read_only(values: FloatArray) -> FloatArray:
-    values.setflags(write=False)
-    return values
-
-
-CORNERS = _read_only(np.array(list(product((-1.0, 1.0), repeat=7))))
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
 """Signs of the corners of a box of seven joints, shape (128, 7)."""
 
-TIP = _read_only(np.zeros((1, 3)))
+CORNERS.setflags(write=False)
+
+TIP = np.zeros((1, 3))
 """The tip alone, in its own frame, shape (1, 3), m."""
+
+TIP.setflags(write=False)
 
 
 class PathDeviation:

@@ -27,14 +27,14 @@ from planner.scene.bodies import MAX_DISTANCE_M
 from planner.trajectory import Trajectory
 
 MIN_LENGTH = 1e-9
-"""A line shorter than this, in m and rad combined, is a point: positions have no better
-accuracy."""
+"""Minimum length of a line, in m and rad combined; a shorter one is a point, as positions have no
+better accuracy."""
 
 MIN_TRAVEL_M = 1e-6
-"""A motion whose tip travels less than this is a rotation in place."""
+"""Minimum travel of a tip; with a shorter one, the motion is a rotation in place."""
 
 HALF_TURN_MARGIN_RAD = 1e-6
-"""Rotations closer than this to half a turn have no unique shortest way."""
+"""Minimum distance of a rotation from half a turn; closer ones have no unique shortest way."""
 
 MAX_FRACTION = 1e6
 """Maximum extrapolation of a line, in multiples of its length; beyond, rotations lose digits."""

@@ -30,8 +30,8 @@ BOUND_TURNS = 192
 """Number of angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""
 
 NEIGHBOURHOOD_RAD = 0.15
-"""Solutions closer than this in every joint are expected to collide alike: two steps of the samples
-in the angle of s0."""
+"""Maximum distance in every joint of solutions that are expected to collide alike: two steps of the
+samples in the angle of s0."""
 
 
 class CandidatePair(NamedTuple):

@@ -37,10 +37,10 @@ MAX_OPTIMISED = 4
 """Maximum number of pairs whose cycles are planned as one program."""
 
 MIN_DIFFERENCE_RAD = 0.4
-"""Minimum difference of some joint between two of these."""
+"""Minimum difference of some joint between two of these pairs."""
 
 SAME_OPTIMUM_S, SAME_OPTIMUM_RAD = 2e-3, 0.02
-"""Cycles that differ by less are the same optimum."""
+"""Maximum differences of two cycles that are the same optimum."""
 
 MAX_TRIED, MAX_SIDEWAYS = 16, 3
 """Maximum number of pairs tried one motion at a time, and of those whose sideways motions fail."""

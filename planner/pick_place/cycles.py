@@ -26,10 +26,10 @@ from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
 ENTRY, ACROSS = 14, 20
-"""Intervals on the way to the first line, and between both lines."""
+"""Number of intervals on the way to the first line, and between both lines."""
 
 LED_ENTRY, LED_ACROSS = 20, 28
-"""The same for motions around obstacles, which have more turns."""
+"""These numbers for motions around obstacles, which have more turns."""
 
 LED_ON_LINE = 1.5
 """Factor of the number of intervals on lines where the arm avoids a collision on one: an elbow that
@@ -41,6 +41,9 @@ one."""
 
 HEIGHT_TOLERANCE_M = 1e-6
 """Rounding allowed where the tip must not sink."""
+
+TIMEOUT_S = 2.0
+"""Maximum duration of the search for one path; a wall on the table takes a tenth of a second."""
 
 RESTING_KNOTS: tuple[list[int], ...] = ([0], [-1], [0], [], [-1], [0, -1])
 """The knots, first or last, at which the arm rests in each motion."""
@@ -174,10 +177,6 @@ def _program(intervals: tuple[int, ...], joints: int) -> MotionProgram:
         ),
         joints,
     )
-
-
-TIMEOUT_S = 2.0
-"""Maximum duration of the search for one path; a wall on the table takes a tenth of a second."""
 
 
 class Cycle(NamedTuple):

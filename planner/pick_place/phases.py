@@ -61,7 +61,11 @@ MAX_DROP_M = 0.01
 OPENING_STEP_M = 1e-4
 """Resolution of the search for the widest free opening."""
 
+STEP_M = 0.005
+"""Distance between samples of the hand; the proofs of the moves find thinner obstacles."""
+
 _SAME_PLACE_M = 1e-9
+"""Maximum difference of two poses at which a body is in the same place, m."""
 
 _Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, ...]]
 """A finger position, the fingers' travel from or to it, and what blocks any opening."""
@@ -187,7 +191,7 @@ class PhaseMaker:
             fault = f"but the {hand.side} hand opens only {1e3 * hand.open_gap_m:.1f} mm"
         raise NoSolutionError.at(
             "pick: open",
-            f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+            f"{body.name} measures {1e3 * _min_width_m(body):.1f} mm, "
             f"{1e3 * width:.1f} mm between the pads as it lies, {fault}",
             is_certain=True,
         )
@@ -323,14 +327,10 @@ class PhaseMaker:
         return partial(request.manipulator.context, margin_m=request.margin_m)
 
 
-def _least_width_m(body: Body) -> float:
+def _min_width_m(body: Body) -> float:
     """The smallest of the body's extents along its own axes."""
     spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
     return min(high - low for low, high in spans)
-
-
-STEP_M = 0.005
-"""Distance between samples of the hand; the proofs of the moves find thinner obstacles."""
 
 
 def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionContext]) -> None:

@@ -25,8 +25,10 @@ from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
+"""Stages on the line of the pick, in order."""
 
 PLACE_LINES = ("place: descend", "place: open", "place: retract")
+"""Stages on the line of the place, in order."""
 
 SIDEWAYS = ("pick: approach", "place: approach")
 """Stages in which the tip is free; in the other moves it follows lines."""
@@ -35,7 +37,7 @@ STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
 """All stages, in order."""
 
 MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
-"""The stages in which the arm moves."""
+"""All stages in which the arm moves, in order."""
 
 DEFAULT_HOVER_M = 0.15
 """Height above the place where the arm ends; the original demo's hover distance."""

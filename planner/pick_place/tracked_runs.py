@@ -25,7 +25,7 @@ from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
 
 REST_RAD_S = 1e-6
-"""A move with a lower final speed ends at rest."""
+"""Maximum final speed of a move that ends at rest."""
 
 
 @frozen(error=TaskError, eq=True)

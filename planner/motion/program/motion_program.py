@@ -51,6 +51,18 @@ SHORTFALL_PER_M, MAX_SHORTFALL_M = 20.0, 0.3
 """Cost of a metre of missing clearance in an interval, in the same units, and the maximum
 shortfall."""
 
+EXTRA_MARGIN_M, MARGIN_TOLERANCE_M = 0.005, 0.002
+"""Distance to obstacles in addition to the required one, and how much of it may be missing in a
+motion that is tried: distances are bounded at some times only, and those of hulls."""
+
+MAX_ROUNDS, TRUST_RAD, TRUST_DECAY = 10, 0.4, 0.7
+"""Maximum number of rounds; maximum change of a control since the bounds were computed, and the
+factor of its reduction in each of the last half of the rounds."""
+
+MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
+"""Maximum number of rounds without a clear motion, and maximum number of failures; and share of its
+duration by which a clear motion must change for another round."""
+
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
@@ -262,18 +274,6 @@ def _answer(solver: ca.Function, inputs: Mapping[str, FloatArray]) -> FloatArray
     x: FloatArray = np.array(answer["x"]).ravel()
     return x if solver.stats()["success"] else None
 
-
-EXTRA_MARGIN_M, MARGIN_TOLERANCE_M = 0.005, 0.002
-"""Distance to obstacles in addition to the required one, and how much of it may be missing in a
-motion that is tried: distances are bounded at some times only, and those of hulls."""
-
-MAX_ROUNDS, TRUST_RAD, TRUST_DECAY = 10, 0.4, 0.7
-"""Maximum number of rounds; maximum change of a control since the bounds were computed, and the
-factor of its reduction in each of the last half of the rounds."""
-
-MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
-"""The search ends without a clear motion after so many rounds, or with more failures than this; and
-with a clear one when its duration changes by less than this share."""
 
 Motions: TypeAlias = tuple[Trajectory, ...]
 """One for each phase of a program."""
