@@ -373,7 +373,7 @@ def _is_after(step: Step, state: State, following: State) -> bool:
 
 @frozen(error=TaskError, eq=True)
 class CollisionCount:
-    """How often two things collide.
+    """Number of collisions of two things.
 
     Attributes:
         first: link or body.
@@ -403,7 +403,7 @@ class CollisionCount:
 
 @frozen(error=TaskError, eq=True)
 class CollisionSummary:
-    """How many solutions of a waypoint collide; `str()` of it is one sentence.
+    """Summary of the solutions of a waypoint that collide; `str()` of it is one sentence.
 
     Attributes:
         stage: label of the move that would end there.

@@ -118,11 +118,11 @@ def plan_free_move(
     straight = plan_joint_move(ends[0], ends[1], limits)
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
-    found, refused = _Search(
+    motion, refused = _Search(
         straight, limits, context, judge, margin_m, seeds, deadline_s
     ).fastest()
-    if found is not None:
-        return found
+    if motion is not None:
+        return motion
     if refused:
         raise FreeMoveError(f"{refused} ways around the obstacles were found, none proven clear")
     raise FreeMoveError(

@@ -126,8 +126,8 @@ def direct(start: AxisState, goal: AxisState, rates: Rates) -> Profile | None:
     what a change of the jerk by `ROUNDING` could correct. Between two states that are inside the
     limits (`Rates.moved_inside`) the profile is inside, too.
     """
-    found = [p for p in _two_phases(start, goal, rates) if _reaches(p, start, goal, rates)]
-    return min(found, key=lambda p: p.duration, default=None)
+    profiles = [p for p in _two_phases(start, goal, rates) if _reaches(p, start, goal, rates)]
+    return min(profiles, key=lambda p: p.duration, default=None)
 
 
 def _two_phases(start: AxisState, goal: AxisState, rates: Rates) -> Iterator[Profile]:
@@ -210,13 +210,13 @@ def corrected(
 
 
 def through_rest(
-    start: AxisState, goal: AxisState, rates: Rates, at_least_s: float = 0.0
+    start: AxisState, goal: AxisState, rates: Rates, min_duration_s: float = 0.0
 ) -> Profile:
     """Brake to rest, move to the start of the final acceleration, wait, and accelerate."""
     brake, run_up = _braking(start, rates), _braking(goal.reversed(), rates)
     way = run_up.end(goal.reversed()).q - brake.end(start).q
     move = _rest_to_rest(way, rates)
-    wait = max(at_least_s - brake.duration - move.duration - run_up.duration, 0.0)
+    wait = max(min_duration_s - brake.duration - move.duration - run_up.duration, 0.0)
     return Profile(
         (*brake.lengths_s, *move.lengths_s, wait, *run_up.lengths_s[::-1]),
         (*brake.jerks, *move.jerks, 0.0, *(-j for j in run_up.jerks[::-1])),

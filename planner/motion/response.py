@@ -376,8 +376,10 @@ def _best(data: _Data, *, has_offset: bool) -> FloatArray:
         is_first = first < second
         low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
     middle = (low + high) / 2
-    none, some = _misfit(data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset)
-    lags_s: FloatArray = np.where(none <= some, 0.0, middle)
+    without_lag, with_lag = _misfit(
+        data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset
+    )
+    lags_s: FloatArray = np.where(without_lag <= with_lag, 0.0, middle)
     return lags_s
 
 

@@ -138,14 +138,14 @@ def _planned(
     if not is_at_rest or np.linalg.norm(line.twist) <= MAX_JOINT_LINE:
         return motion
     solutions = sample_solutions(IKService(arm), line.T_base_goal, turns=TURNS)
-    min_s, q_known = rest_to_rest_s(solutions - task.q_start, limits), motion.q_goal
+    min_s, q_tried = rest_to_rest_s(solutions - task.q_start, limits), motion.q_goal
     for _ in range(MAX_OTHERS):
-        for q in (q_known, motion.q_goal):
+        for q in (q_tried, motion.q_goal):
             min_s[np.abs(solutions - q).max(axis=1) < MIN_DIFFERENCE_RAD] = np.inf
         if min_s.min(initial=np.inf) >= MAX_TIME_RATIO * motion.duration:
             break
-        q_known = solutions[min_s.argmin()]
-        other = q_known, motion.duration
+        q_tried = solutions[min_s.argmin()]
+        other = q_tried, motion.duration
         motion = _near(arm, limits, task, tolerance, fineness, other=other) or motion
     return motion
 

@@ -62,7 +62,7 @@ class Solutions:
         return np.flatnonzero(np.abs(self.qs - self.qs[index]).max(axis=1) < NEIGHBOURHOOD_RAD)
 
     def summary(self) -> CollisionSummary:
-        """How many solutions collide, and with what."""
+        """Summary of the collisions of the solutions."""
         return CollisionSummary.of(self.stage, self.qs, self._context)
 
     def refuse_none_free(self) -> None:

@@ -266,14 +266,14 @@ class CycleSearch:
 
 
 def _nearness(failure: PlanFailure) -> tuple[int, float]:
-    """How far a plan got, and by how little it failed; greater is better."""
+    """Progress of a plan, and by how little it failed; greater is better."""
     contact = failure.contact
     distance_m = -np.inf if contact is None else contact.nearest.distance_m
     return STAGES.index(failure.stage), distance_m
 
 
 def _attempts(failures: tuple[PlanFailure, ...]) -> str:
-    """How many attempts failed at which stage."""
+    """Number of attempts that failed at each stage."""
     stages = Counter(failure.stage for failure in failures)
     if len(stages) == 1:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"

@@ -225,7 +225,7 @@ class StoppingCycles:
     def __init__(
         self, request: PlanRequest, task: PickAndPlace, contexts: Mapping[str, CollisionContext]
     ) -> None:
-        """For a task, with the collision context of each stage by its label."""
+        """Store a task, with the collision context of each stage by its label."""
         self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
@@ -239,7 +239,7 @@ class StoppingCycles:
         up_place = self._line("place: descend", q_place, task.T_base_above_place)
         up_end = self._line("place: retract", q_place, task.T_base_end)
         down_pick, down_place = up_pick.reversed(), up_place.reversed()
-        found = {
+        motions = {
             stage: proven(stage, motion, contexts[stage])
             for stage, motion in (
                 ("pick: descend", down_pick),
@@ -252,9 +252,9 @@ class StoppingCycles:
             ("place: approach", (up_pick.q_goal, down_place.q_start)),
         ):
             manipulator, context = self._request.manipulator, contexts[stage]
-            found[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
-        to_pick, to_place = (found[stage].trajectory for stage in SIDEWAYS)
-        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), found
+            motions[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
+        to_pick, to_place = (motions[stage].trajectory for stage in SIDEWAYS)
+        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), motions
 
     def _line(self, stage: str, q: FloatArray, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()
@@ -267,7 +267,7 @@ class StoppingCycles:
                 )
             except MotionError as cause:
                 self._planned[key] = NoSolutionError.at(stage, str(cause))
-        found = self._planned[key]
-        if isinstance(found, NoSolutionError):
-            raise found
-        return found
+        motion = self._planned[key]
+        if isinstance(motion, NoSolutionError):
+            raise motion
+        return motion

@@ -227,7 +227,7 @@ class _TrackedMove:
     """One move of a run, with precomputed data for its proofs."""
 
     def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
-        """For a move, its context, and the motion of the whole run."""
+        """Prepare the proofs of a move, for its context and the motion of the whole run."""
         checker = context.checker
         self._label, self._proofs = move.label, TubeProofs(checker, context.q_others)
         self._free = np.flatnonzero(~checker.may_touch)

@@ -201,7 +201,7 @@ class _PlanTracking:
 
 
 def _advice(response: Response, speed: float | None) -> str:
-    """What to do about a failure, by the result of a search for a speed."""
+    """Advice on a failure, by the result of a search for a speed."""
     if speed is None:
         return f"; no passing speed of at least {SPEED_STEP:g} was found"
     return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"

@@ -70,12 +70,12 @@ def bent_to(sketch: Sketch, q_end: FloatArray, duration_s: float) -> Sketch:
 
 
 def _eased(t: FloatArray) -> FloatArray:
-    """From 0 to 1, at rest at both ends."""
+    """Fractions from 0 to 1, at rest at both ends."""
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
 class LineFollowed(NamedTuple):
-    """How far an arm can follow a line.
+    """The part of a line that an arm can follow.
 
     Attributes:
         qs: configurations at the requested fractions, as far as reached, shape (7,) each, rad.
@@ -131,7 +131,7 @@ def _corrected(
 
 
 def guess_between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:
-    """From the end of one motion to the start of another, by cubics."""
+    """A guess from the end of one motion to the start of another, by cubics."""
     q0, q1 = before.q[-1], after.q[0]
     v_ends = np.array([before.v_ends[1], after.v_ends[0]])
     duration_s = TRANSFER_SLACK * float(rest_to_rest_s(q1 - q0, limits))
