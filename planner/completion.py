@@ -42,7 +42,7 @@ def complete(
         manipulator: the arm that it is for; that of the stock robot when not given.
 
     Raises:
-        TaskError: when an argument is of another class, the manipulator is the other arm, or a
+        TaskError: when an argument has the wrong type, the manipulator is the other arm, or a
             gripper action contradicts the state.
     """
     expect(plan, Plan, "plan", TaskError)
@@ -134,12 +134,12 @@ def _completed(plan: Plan, manipulator: Manipulator) -> Iterator[Step]:
         else:
             if held is not None:
                 is_put = isinstance(following, Grip) and following.action is GripperAction.OPEN
-                found = _of_held(held.body, [taken, end if is_put else None])
+                touching = _of_held(held.body, [taken, end if is_put else None])
             elif step.is_straight and _is_close(following):
-                found = _of_hand(following.body, end, manipulator)
+                touching = _of_hand(following.body, end, manipulator)
             else:
-                found = _of_hand(released if step.is_straight else None, state, manipulator)
-            contacts = during(found, step.trajectory.duration)
+                touching = _of_hand(released if step.is_straight else None, state, manipulator)
+            contacts = during(touching, step.trajectory.duration)
             taken = released = None
         yield evolve(step, state=state, contacts=contacts)
         state = end

@@ -31,9 +31,9 @@ from planner.scene.contact import Contact, PartContact
 from planner.state import State
 
 
-def _finite(given: ArrayLike) -> FloatArray:
+def _finite(values: ArrayLike) -> FloatArray:
     """A read-only copy of a full configuration."""
-    q_others = float_array(given, "q_others", ConfigurationError)
+    q_others = float_array(values, "q_others", ConfigurationError)
     return read_only(q_others, "q_others", ConfigurationError)
 
 
@@ -51,7 +51,7 @@ class Manipulator:
         q_others: a full configuration, shape (19,), with the positions of all other joints.
 
     Raises:
-        TaskError: when a value is of another class.
+        TaskError: when a value has the wrong type.
         ConfigurationError: when `q_others` has another shape or is not finite.
     """
 
@@ -138,7 +138,7 @@ class Manipulator:
         supports: Iterable[PartContact | str] = (),
         margin_m: float = 0.0,
     ) -> CollisionContext:
-        """The arm in a situation: the bodies around it, what it holds, and what it may touch.
+        """A context of the arm: the bodies around it, what it holds, and what it may touch.
 
         Args:
             scene: all bodies; they do not move, except for the held one.
@@ -152,7 +152,7 @@ class Manipulator:
             margin_m: distance to keep from everything else, not negative.
 
         Raises:
-            SceneError: when an argument is of another class, the touchable or the held body is not
+            SceneError: when an argument has the wrong type, the touchable or the held body is not
                 in the scene, or another hand holds it.
             ConfigurationError: when the fingers are outside their stroke.
             MotionError: when the margin is not a number, or negative.

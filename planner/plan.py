@@ -28,18 +28,24 @@ from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousP
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
 from planner.motion.response import Response
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.contact import Contact
 from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 SHOWN_RAD = 0.005
-"""A move that ends closer than this to the solution of inverse kinematics ends there."""
+"""Minimum distance of the end of a move from its solution of inverse kinematics that is shown."""
+
+MAX_MEASURED = 64
+"""Maximum number of solutions whose collisions are measured, which takes 1.6 ms each."""
+
+MAX_NAMED = 3
+"""Maximum number of pairs named in the sentence of a summary; its data has all."""
 
 
-def _finite_numbers(given: object) -> FrozenMapping[str, float]:
+def _finite_numbers(values: object) -> FrozenMapping[str, float]:
     """A read-only copy of a mapping of names to finite numbers."""
-    numbers = expect(given, Mapping, "the values of a claim", TaskError)  # type: ignore[type-abstract]
+    numbers = expect(values, Mapping, "the values of a claim", TaskError)  # type: ignore[type-abstract]
     return FrozenMapping(
         {
             expect(name, str, "the name of a value", TaskError): finite_scalar(x, name, TaskError)
@@ -151,7 +157,7 @@ class Grip:
         limb: the arm of the gripper, "left" or "right"; a plan sets its own where this is "".
 
     Raises:
-        TaskError: when a value is of another class, or an opening is given that is not finite, is
+        TaskError: when a value has the wrong type, or an opening is given that is not finite, is
             negative, or belongs to a close.
     """
 
@@ -244,7 +250,7 @@ class Plan:
 
     Raises:
         UnknownNameError: when there is no such limb.
-        TaskError: when a step, failure, state or robot is of another class, there is neither limb
+        TaskError: when a step, failure, state or robot has the wrong type, there is neither limb
             nor move, the state lacks a joint of the arm, or a move starts elsewhere than the
             previous one ends.
     """
@@ -253,7 +259,7 @@ class Plan:
     steps: tuple[Step, ...] = sequence()
     failure: PlanFailure | None = None
     robot: RobotIdentity | None = None
-    line_tolerance: LineTolerance = STRICT
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE
     response: Response | None = None
     limb: str = ""
 
@@ -365,16 +371,9 @@ def _is_after(step: Step, state: State, following: State) -> bool:
     return all("gripper" in name for name in moved) and (grasped == 1) is is_close
 
 
-MAX_MEASURED = 64
-"""Maximum number of solutions whose collisions are measured, which takes 1.6 ms each."""
-
-MAX_NAMED = 3
-"""Maximum number of pairs named in the sentence; the data has all."""
-
-
 @frozen(error=TaskError, eq=True)
 class CollisionCount:
-    """How often two things collide.
+    """Number of collisions of two things.
 
     Attributes:
         first: link or body.
@@ -404,7 +403,7 @@ class CollisionCount:
 
 @frozen(error=TaskError, eq=True)
 class CollisionSummary:
-    """How many solutions of a waypoint collide; `str()` of it is one sentence.
+    """Summary of the solutions of a waypoint that collide; `str()` of it is one sentence.
 
     Attributes:
         stage: label of the move that would end there.
@@ -419,20 +418,20 @@ class CollisionSummary:
     margin_m: float = 0.0
 
     @classmethod
-    def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> CollisionSummary:
-        """Examine solutions in a situation.
+    def of(cls, stage: str, qs: ArrayLike, context: CollisionContext) -> CollisionSummary:
+        """Examine solutions in a collision context.
 
         Args:
             stage: label of the move that would end there.
             qs: the solutions, shape (n, 7), rad.
-            around: the situation there.
+            context: the collision context there.
         """
-        given = float_array(qs, "qs", ConfigurationError)
-        solutions = given[
-            np.linspace(0, len(given) - 1, min(len(given), MAX_MEASURED)).round().astype(int)
+        samples = float_array(qs, "qs", ConfigurationError)
+        solutions = samples[
+            np.linspace(0, len(samples) - 1, min(len(samples), MAX_MEASURED)).round().astype(int)
         ]
-        blocked = [around.clearance(q) for q in solutions if not around.is_free(q)]
-        return cls(stage, len(solutions), _counts(blocked), around.margin_m)
+        blocked = [context.clearance(q) for q in solutions if not context.is_free(q)]
+        return cls(stage, len(solutions), _counts(blocked), context.margin_m)
 
     @property
     def colliding(self) -> int:
@@ -454,7 +453,7 @@ class CollisionSummary:
 
     @property
     def _verb(self) -> str:
-        closer = f"come closer than the {1e3 * self.margin_m:.1f} mm asked for"
+        closer = f"come closer than the required {1e3 * self.margin_m:.1f} mm"
         if not any(collision.distance_m < SHOWN_M for collision in self.collisions):
             return closer
         return "collide" if self.margin_m == 0.0 else f"collide or {closer}"
@@ -462,7 +461,7 @@ class CollisionSummary:
 
 def _counts(clearances: Iterable[Clearance]) -> tuple[CollisionCount, ...]:
     distances: dict[tuple[str, str], list[float]] = {}
-    for found in clearances:
-        distances.setdefault((found.first, found.second), []).append(found.distance_m)
+    for clearance in clearances:
+        distances.setdefault((clearance.first, clearance.second), []).append(clearance.distance_m)
     counts = (CollisionCount(*pair, len(each), max(each)) for pair, each in distances.items())
     return tuple(sorted(counts, key=lambda count: (-count.count, -count.distance_m)))

@@ -92,8 +92,8 @@ class Sketch(NamedTuple):
         for k in range(count - 2):
             weights[k, k : k + 3] = AT_KNOT[0]
         weights[-2, :3] = weights[-1, -3:] = AT_KNOT[1] * (count - 3)
-        given = np.concatenate([self.q, self.v_ends * self.duration_s])
-        controls: FloatArray = np.linalg.solve(weights, given)
+        states = np.concatenate([self.q, self.v_ends * self.duration_s])
+        controls: FloatArray = np.linalg.solve(weights, states)
         return controls
 
 

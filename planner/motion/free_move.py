@@ -44,10 +44,11 @@ TIMEOUT_S = 5.0
 """Maximum duration of a search; a wall on the table takes a tenth of a second."""
 
 INTERVALS = 32
-"""Intervals of the program's spline."""
+"""Number of intervals of the program's spline."""
 
 GOOD_ENOUGH = 1.02
-"""Motions are fast enough up to this multiple of the straight line's duration, a lower bound."""
+"""Maximum duration of a motion that is fast enough, as a multiple of the straight line's duration,
+which is a lower bound."""
 
 MAX_SEARCHES = 4
 """Maximum number of searches for a path; each samples twice as closely as the one before, until a
@@ -117,11 +118,11 @@ def plan_free_move(
     straight = plan_joint_move(ends[0], ends[1], limits)
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
-    found, refused = _Search(
+    motion, refused = _Search(
         straight, limits, context, judge, margin_m, seeds, deadline_s
     ).fastest()
-    if found is not None:
-        return found
+    if motion is not None:
+        return motion
     if refused:
         raise FreeMoveError(f"{refused} ways around the obstacles were found, none proven clear")
     raise FreeMoveError(
@@ -147,31 +148,31 @@ class _Search:
         ends = self.straight.q[[0, -1]]
         obstacles = self.context.obstacles(self.margin_m, ends)
         is_free = self.context.with_margin(self.margin_m, *ends).is_free
-        found = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
+        best = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
         refused, ways, closeness = 0, 0, 1.0
-        while not self._is_enough(found) and ways < (
-            MAX_SEARCHES if found is None else MAX_FASTER_SEARCHES
+        while not self._is_enough(best) and ways < (
+            MAX_SEARCHES if best is None else MAX_FASTER_SEARCHES
         ):
             try:
                 corners = self._corners(is_free, EDGE_STEP_RAD / closeness)
             except MissingLibraryError as cause:
-                if found is None:
+                if best is None:
                     raise FreeMoveError(f"the straight line is blocked, and {cause}") from cause
                 break
             if corners is None:
                 break
             ways += 1
-            candidates = [found, self._led(obstacles, _through(corners, self.limits))]
+            candidates = [best, self._led(obstacles, _through(corners, self.limits))]
             if candidates == [None, None]:
                 stopping = stopping_at(corners, self.limits)
                 candidates.append(stopping if self.is_clear(stopping) else None)
-            there = [motion for motion in candidates if motion is not None]
-            found = min(there, key=lambda motion: motion.duration, default=None)
-            refused, closeness = refused + (found is None), 2.0 * closeness
-        return found, refused
+            motions = [motion for motion in candidates if motion is not None]
+            best = min(motions, key=lambda motion: motion.duration, default=None)
+            refused, closeness = refused + (best is None), 2.0 * closeness
+        return best, refused
 
-    def _is_enough(self, found: Trajectory | None) -> bool:
-        return found is not None and found.duration <= GOOD_ENOUGH * self.straight.duration
+    def _is_enough(self, best: Trajectory | None) -> bool:
+        return best is not None and best.duration <= GOOD_ENOUGH * self.straight.duration
 
     def _led(self, obstacles: Obstacles, sketch: Sketch) -> Trajectory | None:
         """The first clear motion near a sketch, led around obstacles."""

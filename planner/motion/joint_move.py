@@ -40,7 +40,7 @@ from planner.motion.joint_profile import (
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
 MIN_SEGMENT_S = 1e-12
-"""Shorter phases are due to Ruckig's rounding and are dropped."""
+"""Minimum duration of a phase; shorter ones are due to Ruckig's rounding and are dropped."""
 
 MAX_MOTION_S = 7.6e3
 """Maximum duration of a motion that Ruckig computes."""
@@ -77,15 +77,16 @@ _EXACT = 1e-11
 """Maximum error of a profile at its goal, in rad, rad/s and rad/s^2; Ruckig accepts 1e-8."""
 
 _MIN_KNOT_GAP_S = 1e-14
-"""Knots of several joints that are closer are merged. Merging more distant ones would matter at the
-end of a long motion: a jerk that lasts too long by dt moves the end by j dt t^2 / 2."""
+"""Minimum distance of knots of several joints; closer ones are merged. Merging more distant ones
+would matter at the end of a long motion: a jerk that lasts too long by dt moves the end by
+j dt t^2 / 2."""
 
 _MAX_ROUNDS = 50
-"""How often the duration is raised before each joint passes through rest; seven joints need a
-few."""
+"""Maximum number of times that the duration is raised before each joint passes through rest; seven
+joints need a few."""
 
 _MIN_GAIN_S = 1e-7
-"""A profile must be faster by this to be preferred to one that is closer to the given limits."""
+"""Minimum gain of a profile that is preferred to one that is closer to the required limits."""
 
 
 ROUNDING_RAD = 1e-6
@@ -165,14 +166,14 @@ def checked_start(
             warning in the log; a start outside by at most `ROUNDING_RAD` always is, without one.
     """
     clip_rad = MAX_CLIP_RAD if expect(clip_start, bool, "clip_start", MotionError) else 0.0
-    given = finite_array(q, (len(limits.names),), what, ConfigurationError)
-    outside = limits.violations(given, ROUNDING_RAD)
-    beyond_rad = float(np.maximum(limits.q_min - given, given - limits.q_max).max())
+    angles = finite_array(q, (len(limits.names),), what, ConfigurationError)
+    outside = limits.violations(angles, ROUNDING_RAD)
+    beyond_rad = float(np.maximum(limits.q_min - angles, angles - limits.q_max).max())
     if beyond_rad > clip_rad + ROUNDING_RAD:
         raise ConfigurationError(
             f"{what} is outside the joint limits: {'; '.join(outside)}, by {beyond_rad:.3g} rad at "
             f"most; move the arm inside: clip_start=True plans from the limits where it is up to "
-            f"{MAX_CLIP_RAD:g} rad outside{degrees_hint(*given)}"
+            f"{MAX_CLIP_RAD:g} rad outside{degrees_hint(*angles)}"
         )
     if outside:
         _LOG.warning(
@@ -182,7 +183,7 @@ def checked_start(
             beyond_rad,
             "; ".join(outside),
         )
-    return limits.check(given, what, clip_rad + ROUNDING_RAD)
+    return limits.check(angles, what, clip_rad + ROUNDING_RAD)
 
 
 def rest_to_rest_s(displacement: FloatArray, limits: JointLimits) -> FloatArray:
@@ -272,34 +273,34 @@ class _Joint(NamedTuple):
         goal_backwards = widest.moved_inside(goal.reversed())
         return cls(widest.moved_inside(start), goal_backwards.reversed(), rates)
 
-    def fastest(self, at_least_s: float = 0.0, soon_enough_s: float = 0.0) -> Profile:
+    def fastest(self, min_duration_s: float = 0.0, soon_enough_s: float = 0.0) -> Profile:
         """The fastest profile found.
 
         The first of `direct`, Ruckig's under the narrower and under the wider limits, and
         `through_rest`, unless a later one is faster.
 
         Args:
-            at_least_s: minimum duration.
+            min_duration_s: minimum duration.
             soon_enough_s: a profile of at most this duration is returned even if another is faster.
         """
-        found = []
-        least_s = max(self.rates.least_s(self.start, self.goal), at_least_s, soon_enough_s)
-        for profile in self._candidates(at_least_s):
-            if profile.duration <= least_s + _MIN_GAIN_S:
+        profiles = []
+        min_s = max(self.rates.min_duration_s(self.start, self.goal), min_duration_s, soon_enough_s)
+        for profile in self._candidates(min_duration_s):
+            if profile.duration <= min_s + _MIN_GAIN_S:
                 return profile
-            found.append(profile)
-        least_s = min(profile.duration for profile in found)
-        return next(profile for profile in found if profile.duration <= least_s + _MIN_GAIN_S)
+            profiles.append(profile)
+        min_s = min(profile.duration for profile in profiles)
+        return next(profile for profile in profiles if profile.duration <= min_s + _MIN_GAIN_S)
 
-    def _candidates(self, at_least_s: float) -> Iterator[Profile]:
+    def _candidates(self, min_duration_s: float) -> Iterator[Profile]:
         shortest = direct(*self)
-        if shortest is not None and shortest.duration >= at_least_s - self.same_time_s:
+        if shortest is not None and shortest.duration >= min_duration_s - self.same_time_s:
             yield shortest
         for widening in _WIDENING:
-            profile = self._by_ruckig(self.rates.widened(widening), at_least_s)
+            profile = self._by_ruckig(self.rates.widened(widening), min_duration_s)
             if profile is not None:
                 yield profile
-        yield through_rest(*self, at_least_s)
+        yield through_rest(*self, min_duration_s)
 
     def lasting(self, duration: float, profile: Profile) -> Profile:
         """A profile of at least `duration`, given a shorter one."""
@@ -310,15 +311,15 @@ class _Joint(NamedTuple):
         """The profile, slightly lengthened if it can be corrected to that."""
         if duration - profile.duration > _MIN_GAIN_S:
             return profile
-        found = corrected(profile, self.start, self.goal, duration)
-        return found if self._fits(found, duration) else profile
+        exact = corrected(profile, self.start, self.goal, duration)
+        return exact if self._fits(exact, duration) else profile
 
     @property
     def same_time_s(self) -> float:
-        """How much earlier than the others the joint may end within the tolerance."""
+        """Maximum time by which the joint may end before the others, within the tolerance."""
         return _END_TOLERANCE / max(self.rates.v, self.rates.a)
 
-    def _by_ruckig(self, rates: Rates, at_least_s: float) -> Profile | None:
+    def _by_ruckig(self, rates: Rates, min_duration_s: float) -> Profile | None:
         """Ruckig's profile; None where it finds none, or one that does not fit."""
         problem = ruckig.InputParameter(1)
         problem.current_position, problem.target_position = [self.start.q], [self.goal.q]
@@ -326,9 +327,9 @@ class _Joint(NamedTuple):
         problem.current_acceleration, problem.target_acceleration = [self.start.a], [self.goal.a]
         problem.max_velocity, problem.max_acceleration = [rates.v], [rates.a]
         problem.max_jerk = [rates.j]
-        for delay_s in _DELAYS_S if at_least_s else _DELAYS_S[:1]:
-            if at_least_s:
-                problem.minimum_duration = at_least_s + delay_s
+        for delay_s in _DELAYS_S if min_duration_s else _DELAYS_S[:1]:
+            if min_duration_s:
+                problem.minimum_duration = min_duration_s + delay_s
             with contextlib.suppress(MotionError):
                 (phases,) = _solved(problem, ("",)).profiles[0]
                 lengths_s = tuple(
@@ -337,12 +338,12 @@ class _Joint(NamedTuple):
                 profile = Profile(lengths_s, (*phases.brake.j, *phases.j))
                 if self._miss(profile) > _EXACT:
                     profile = corrected(profile, self.start, self.goal)
-                if self._fits(profile, at_least_s):
+                if self._fits(profile, min_duration_s):
                     return profile
         return None
 
-    def _fits(self, profile: Profile, at_least_s: float) -> bool:
-        in_time = at_least_s - self.same_time_s <= profile.duration <= MAX_MOTION_S
+    def _fits(self, profile: Profile, min_duration_s: float) -> bool:
+        in_time = min_duration_s - self.same_time_s <= profile.duration <= MAX_MOTION_S
         return (
             in_time and self._miss(profile) <= _EXACT and profile.is_within(self.rates, self.start)
         )
@@ -416,11 +417,11 @@ def _instant(state: JointState, limits: JointLimits) -> Trajectory:
 
 
 def _refuse_endless(start: JointState, goal: JointState, limits: JointLimits) -> None:
-    least_s = np.abs(goal.q - start.q) / limits.v_max
-    slowest = int(least_s.argmax())
-    if least_s[slowest] > MAX_MOTION_S:
+    min_s = np.abs(goal.q - start.q) / limits.v_max
+    slowest = int(min_s.argmax())
+    if min_s[slowest] > MAX_MOTION_S:
         raise MotionError(
-            f"{limits.names[slowest]} needs at least {least_s[slowest]:.4g} s at "
+            f"{limits.names[slowest]} needs at least {min_s[slowest]:.4g} s at "
             f"{limits.v_max[slowest]:.4g} rad/s; motions of up to {MAX_MOTION_S:g} s are "
             "planned: allow more speed"
         )

@@ -5,7 +5,7 @@ one of its phases negative. Where a phase has zero length, as for a state sample
 time-optimal motion, it may miss the fastest profile, and return one that takes several times as
 long, or none. The profiles of this module cover those cases:
 
-- `direct`: at most two phases. `Rates.least_s` proves in many cases that nothing is faster.
+- `direct`: at most two phases. `Rates.min_duration_s` proves in many cases that nothing is faster.
 - `through_rest`: brake, move from rest to rest, and accelerate. It always exists, and can wait at
   rest.
 """
@@ -100,7 +100,7 @@ class Rates(NamedTuple):
         """Limits that are higher by this share."""
         return Rates(*(x * (1.0 + share) for x in self))
 
-    def least_s(self, start: AxisState, goal: AxisState) -> float:
+    def min_duration_s(self, start: AxisState, goal: AxisState) -> float:
         """Lower bound on the duration between two states, by the mean value theorem."""
         return max(abs(y - x) / rate for x, y, rate in zip(start, goal, self, strict=True))
 
@@ -126,8 +126,8 @@ def direct(start: AxisState, goal: AxisState, rates: Rates) -> Profile | None:
     what a change of the jerk by `ROUNDING` could correct. Between two states that are inside the
     limits (`Rates.moved_inside`) the profile is inside, too.
     """
-    found = [p for p in _two_phases(start, goal, rates) if _reaches(p, start, goal, rates)]
-    return min(found, key=lambda p: p.duration, default=None)
+    profiles = [p for p in _two_phases(start, goal, rates) if _reaches(p, start, goal, rates)]
+    return min(profiles, key=lambda p: p.duration, default=None)
 
 
 def _two_phases(start: AxisState, goal: AxisState, rates: Rates) -> Iterator[Profile]:
@@ -210,13 +210,13 @@ def corrected(
 
 
 def through_rest(
-    start: AxisState, goal: AxisState, rates: Rates, at_least_s: float = 0.0
+    start: AxisState, goal: AxisState, rates: Rates, min_duration_s: float = 0.0
 ) -> Profile:
     """Brake to rest, move to the start of the final acceleration, wait, and accelerate."""
     brake, run_up = _braking(start, rates), _braking(goal.reversed(), rates)
     way = run_up.end(goal.reversed()).q - brake.end(start).q
     move = _rest_to_rest(way, rates)
-    wait = max(at_least_s - brake.duration - move.duration - run_up.duration, 0.0)
+    wait = max(min_duration_s - brake.duration - move.duration - run_up.duration, 0.0)
     return Profile(
         (*brake.lengths_s, *move.lengths_s, wait, *run_up.lengths_s[::-1]),
         (*brake.jerks, *move.jerks, 0.0, *(-j for j in run_up.jerks[::-1])),

@@ -63,10 +63,51 @@ LATE_S = 0.02
 """Default lateness of the stream: what the executor tolerates."""
 
 REST_PLAN_S = 0.01
-"""In plan time: more than the cells by which tubes extend a motion."""
+"""Additional rest, in plan time: more than the cells by which tubes extend a motion."""
 
 MAX_LAG_S, MAX_LEAD_S, MAX_LATE_S, MAX_ERROR_RAD = 5.0, 1.0, 1.0, 0.2
-"""Larger values are not a response of an arm, but numbers in another unit."""
+"""Maximum values; larger ones are not the response of an arm, but numbers in another unit."""
+
+MIN_SAMPLES, MAX_GAP_S = 50, 0.25
+"""Requirements on a recording: set-points come at 100 Hz; longer gaps leave open what was sent and
+done."""
+
+MIN_RECORDED_SHARE = 0.5
+"""Minimum share of the time that is recorded."""
+
+MIN_TRAVEL_RAD = 0.02
+"""Minimum commanded travel of a joint whose lag can be estimated."""
+
+MIN_SPEED = 0.05
+"""Minimum average speed (RMS) of a piece of a joint's motion from which its lag is estimated,
+rad/s."""
+
+MIN_UNEXPLAINED_SHARE = 0.3
+"""Minimum share of a joint's speed that an offset does not explain."""
+
+MIN_DIFFERENCE_RAD = 1e-9
+"""Minimum difference of commands and measurements: no arm follows immediately."""
+
+GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, MAX_LAG_S, 80)])
+"""Lags that are tried before the search between two of them."""
+
+MAX_FITTED_SHARE = 0.99
+"""Maximum share of `MAX_LAG_S` of a lag that was found; a longer one was cut off."""
+
+REFINEMENTS = 40
+"""Number of golden-section steps: an interval of the grid is reduced to 1e-8 of it."""
+
+SIGMAS, PIECE_S, RESERVE = 3.0, 1.0, 1.25
+"""Uncertainty of a lag in standard deviations, duration of a piece of a recording, and factor on
+the largest distance of a measurement from the tube."""
+
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+FORMAT, VERSION = "baxter-kin response", 1
+"""Name and version of the file format."""
+
+MAX_BYTES = 1_000_000
+"""Maximum size of a response file."""
 
 
 class Command(NamedTuple):
@@ -81,22 +122,22 @@ class Command(NamedTuple):
     v: FloatArray
 
 
-def _lags(given: ArrayLike) -> FloatArray:
-    lags = float_array(given, "lag_s", ResponseError)
+def _lags(values: ArrayLike) -> FloatArray:
+    lags = float_array(values, "lag_s", ResponseError)
     if lags.shape == (2,):
         lags = np.tile(lags, (len(JOINTS), 1))
     lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
-    for number, (least, most) in enumerate(lags.tolist()):
-        if not 0.0 <= least <= most <= MAX_LAG_S:
+    for number, (min_s, max_s) in enumerate(lags.tolist()):
+        if not 0.0 <= min_s <= max_s <= MAX_LAG_S:
             raise ResponseError(
-                f"lag_s of joint {number} must be least and greatest, from 0 to "
-                f"{MAX_LAG_S:g} s, got {least:g} and {most:g}"
+                f"lag_s of joint {number} must be minimum and maximum, from 0 to "
+                f"{MAX_LAG_S:g} s, got {min_s:g} and {max_s:g}"
             )
     return lags
 
 
-def _errors(given: ArrayLike) -> FloatArray:
-    errors = float_array(given, "settled_error_rad", ResponseError)
+def _errors(values: ArrayLike) -> FloatArray:
+    errors = float_array(values, "settled_error_rad", ResponseError)
     if errors.ndim == 0:
         errors = np.full(len(JOINTS), errors)
     errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
@@ -180,8 +221,7 @@ class Response:
         return Command(led if self.lead_s > 0.0 else state.q, v)
 
     def _facts(self) -> tuple[str, ...]:
-        least, most = self.lag_s.min(), self.lag_s.max()
-        lag = f"lag {least:.3g} .. {most:.3g} s"
+        lag = f"lag {self.lag_s.min():.3g} .. {self.lag_s.max():.3g} s"
         error = f"error {self.settled_error_rad.max():.3g} rad"
         lead = f"lead {seconds(self.lead_s)}" if self.lead_s else ""
         return lag, error, f"speed {self.speed:.3g}", lead, f"{1e3 * self.late_s:.3g} ms late"
@@ -192,39 +232,6 @@ def remaining_share(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # lags of 0, or near it
         share = np.exp(-np.divide(time_s, lag_s))
     return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
-
-
-MIN_SAMPLES, MAX_GAP_S = 50, 0.25
-"""Requirements on a recording: set-points come at 100 Hz; longer gaps leave open what was sent and
-done."""
-
-MIN_RECORDED_SHARE = 0.5
-"""Minimum share of the time that is recorded."""
-
-MIN_TRAVEL_RAD = 0.02
-"""Minimum commanded travel of a joint whose lag can be estimated."""
-
-MIN_SPEED = 0.05
-"""Minimum average speed (RMS) of a piece of a joint's motion from which its lag is estimated,
-rad/s."""
-
-MIN_UNEXPLAINED_SHARE = 0.3
-"""Minimum share of a joint's speed that an offset does not explain."""
-
-MIN_DIFFERENCE_RAD = 1e-9
-"""Commands closer than this to the measurements are not commands: no arm follows immediately."""
-
-GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, MAX_LAG_S, 80)])
-
-MAX_FITTED_SHARE = 0.99
-"""A lag above this share of the maximum was not found but cut off."""
-
-REFINEMENTS = 40
-"""Golden-section steps: an interval of the grid is reduced to 1e-8 of it."""
-
-SIGMAS, PIECE_S, RESERVE = 3.0, 1.0, 1.25
-
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> Response:
@@ -318,15 +325,15 @@ def _check_times(times: FloatArray) -> None:
 
 def _answers(data: _Data, lags_s: FloatArray) -> FloatArray:
     """Positions for lags of shape (..., 7), from the start of each part: shape (k, ..., 7)."""
-    found = np.empty((len(data.t), *lags_s.shape))
-    found[0] = y = np.broadcast_to(data.q[0], lags_s.shape)
+    answers = np.empty((len(data.t), *lags_s.shape))
+    answers[0] = y = np.broadcast_to(data.q[0], lags_s.shape)
     for number, step_s in enumerate(np.diff(data.t).tolist()):
         if data.begins[number + 1]:
             y = np.broadcast_to(data.q[number + 1], lags_s.shape)
         else:
             y = data.u[number] + (y - data.u[number]) * remaining_share(step_s, lags_s)
-        found[number + 1] = y
-    return found
+        answers[number + 1] = y
+    return answers
 
 
 def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
@@ -369,8 +376,10 @@ def _best(data: _Data, *, has_offset: bool) -> FloatArray:
         is_first = first < second
         low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
     middle = (low + high) / 2
-    none, some = _misfit(data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset)
-    lags_s: FloatArray = np.where(none <= some, 0.0, middle)
+    without_lag, with_lag = _misfit(
+        data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset
+    )
+    lags_s: FloatArray = np.where(without_lag <= with_lag, 0.0, middle)
     return lags_s
 
 
@@ -422,12 +431,12 @@ def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
 
     That of the whole recording where a joint moves too little.
     """
-    found = []
+    lags = []
     for part in _parts(data):
         piece = _Data.of(*(values[part] for values in (data.t, data.u, data.q)))
         tells = _rms(speeds[part]) >= MIN_SPEED
-        found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
-    return np.array(found)
+        lags.append(np.where(tells, _best(piece, has_offset=False), lag_s))
+    return np.array(lags)
 
 
 def _parts(data: _Data) -> list[slice]:
@@ -452,10 +461,10 @@ def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatA
         if data.begins[number + 1]:
             high = low = measured - offsets
             continue
-        least, most = remaining_share(step_s, low_s), remaining_share(step_s, high_s)
+        min_share, max_share = remaining_share(step_s, low_s), remaining_share(step_s, high_s)
         aim = data.u[number]
-        high = aim + (high - aim) * np.where(high < aim, least, most)
-        low = aim + (low - aim) * np.where(low > aim, least, most)
+        high = aim + (high - aim) * np.where(high < aim, min_share, max_share)
+        low = aim + (low - aim) * np.where(low > aim, min_share, max_share)
         farthest = np.maximum(farthest, np.maximum(measured - high, low - measured))
     return farthest
 
@@ -474,11 +483,6 @@ def _rounded(value: float, *, up: bool = False) -> str:
     return f"{1e-4 * (np.ceil(steps) if up else np.floor(steps)):.4f}".rstrip("0").rstrip(".")
 
 
-FORMAT = "baxter-kin response"
-VERSION = 1
-MAX_BYTES = 1_000_000
-
-
 @dataclass(frozen=True, slots=True)
 class _Document:
     format: str
@@ -490,7 +494,7 @@ class _Document:
 
 def save_response(response: Response, limb: str, path: PathLike) -> None:
     """Write how an arm follows; speed and lead are not saved."""
-    lags = tuple((float(least), float(most)) for least, most in response.lag_s)
+    lags = tuple((float(low), float(high)) for low, high in response.lag_s)
     errors = tuple(response.settled_error_rad.tolist())
     document = _Document(FORMAT, VERSION, limb, lags, errors)
     data = to_json(document, _Document, "response", ResponseError)

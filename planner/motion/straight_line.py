@@ -1,7 +1,8 @@
-"""StraightLine: poses from one to another, along a line and the shortest rotation.
+"""StraightLine: the poses between two, along a line and by the shortest rotation.
 
-`LineTolerance` bounds the distance of a tip from its line. A motion program keeps lines at its
-knots, with a tolerance and so many intervals that the tip keeps to them in between as well.
+`LineTolerance` bounds the deviation of a tip from its line. A motion program constrains the tip at
+its knots, with a smaller tolerance there, and with enough intervals that the tip also stays within
+the tolerance between them.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from planner.scene.bodies import MAX_DISTANCE_M
 from planner.trajectory import Trajectory
 
 MIN_LENGTH = 1e-9
-"""A line shorter than this, in m and rad combined, is a point: positions have no better
-accuracy."""
+"""Minimum length of a line, in m and rad combined; a shorter one is a point, as positions have no
+better accuracy."""
 
 MIN_TRAVEL_M = 1e-6
-"""A motion whose tip travels less than this is a rotation in place."""
+"""Minimum travel of a tip; with a shorter one, the motion is a rotation in place."""
 
 HALF_TURN_MARGIN_RAD = 1e-6
-"""Rotations closer than this to half a turn have no unique shortest way."""
+"""Minimum distance of a rotation from half a turn; closer ones have no unique shortest way."""
 
 MAX_FRACTION = 1e6
 """Maximum extrapolation of a line, in multiples of its length; beyond, rotations lose digits."""
@@ -41,8 +42,23 @@ MAX_FRACTION = 1e6
 MIN_TOLERANCE_M, MIN_TOLERANCE_RAD = 2e-6, 1e-5
 """Minimum tolerances: poses at the ends of lines are exact within a hundredth of these."""
 
-STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
+DEFAULT_M, DEFAULT_RAD = 1e-4, math.radians(0.02)
 """Default tolerances."""
+
+MAX_INTERVAL_M, MAX_INTERVAL_RAD = 0.011, 0.05
+"""Maximum average travel and rotation of the tip in an interval of a line, so that it stays within
+the default tolerance between the knots."""
+
+SAMPLES_PER_INTERVAL, SAMPLED_SHARE = 4, 0.9
+"""Number of samples in an interval, and the share of a tolerance allowed there; the rest is for
+deviations between two samples."""
+
+RESERVED_SHARE_M, RESERVED_SHARE_RAD = 0.55, 0.65
+"""Shares of the default tolerances that are reserved for the deviation between two knots. Of a
+smaller tolerance, `RESERVED_SHARE_RAD` is the maximum share for both."""
+
+MIN_KNOT_TOLERANCE = 1e-7
+"""Minimum tolerance at knots, m, and minimum angle that counts as a rotation, rad."""
 
 
 @frozen(error=MotionError, eq=True)
@@ -58,29 +74,29 @@ class LineTolerance:
         MotionError: when a value is not a number in its range.
     """
 
-    position_m: float = scalar(default=STRICT_M, what="line tolerance position_m")
-    rotation_rad: float = scalar(default=STRICT_RAD, what="line tolerance rotation_rad")
+    position_m: float = scalar(default=DEFAULT_M, what="line tolerance position_m")
+    rotation_rad: float = scalar(default=DEFAULT_RAD, what="line tolerance rotation_rad")
 
     def __attrs_post_init__(self) -> None:
-        for name, given, low, high in (
+        for name, value, low, high in (
             ("position_m", self.position_m, MIN_TOLERANCE_M, MAX_DISTANCE_M),
             ("rotation_rad", self.rotation_rad, MIN_TOLERANCE_RAD, math.pi),
         ):
-            if not low <= given < high:
+            if not low <= value < high:
                 raise MotionError(
-                    f"line tolerance {name} must be from {low:g} to below {high:g}, got {given:g}"
+                    f"line tolerance {name} must be from {low:g} to below {high:g}, got {value:g}"
                 )
 
     def _facts(self) -> tuple[str, ...]:
         return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
 
 
-STRICT = LineTolerance()
+DEFAULT_TOLERANCE = LineTolerance()
 """The default tolerance."""
 
 
-def _orthonormal(pose: PoseLike) -> pin.SE3:
-    """The pose with the nearest rotation matrix, as rounded digits may leave it inexact."""
+def _to_endpoint(pose: PoseLike) -> pin.SE3:
+    """A pose within `MAX_DISTANCE_M`, with the rotation matrix nearest to its rounded digits."""
     T = checked_pose(pose)
     farthest = float(np.abs(T.translation).max())
     if farthest > MAX_DISTANCE_M:
@@ -108,16 +124,16 @@ def _twist_of(line: StraightLine) -> FloatArray:
 
 @frozen(error=MotionError)
 class StraightLine:
-    """The poses between two, by the fraction s of the way, 0..1.
+    """The poses from a start to a goal, by the fraction s of the way, 0..1.
 
-    The position is on the line between both, the orientation on the shortest rotation between them
-    (slerp: Shoemake, "Animating rotation with quaternion curves", 1985), at the same fraction.
+    The position moves along the line between both, the orientation by the shortest rotation between
+    them (slerp: Shoemake, "Animating rotation with quaternion curves", 1985), at the same fraction.
 
     Attributes:
-        T_base_start: the first pose of the tip.
-        T_base_goal: the last one.
-        twist: of the tip per unit of s, shape (6,): m, then rad, along the axes of base. It is the
-            same all along.
+        T_base_start: the pose of the tip at s = 0.
+        T_base_goal: its pose at s = 1.
+        twist: constant twist of the tip per unit of s, shape (6,): m, then rad, along the axes of
+            base.
 
     Raises:
         PoseError: when a pose is invalid.
@@ -125,8 +141,8 @@ class StraightLine:
         StraightMoveError: when the rotation is half a turn.
     """
 
-    T_base_start: pin.SE3 = field(converter=_orthonormal)
-    T_base_goal: pin.SE3 = field(converter=_orthonormal)
+    T_base_start: pin.SE3 = field(converter=_to_endpoint)
+    T_base_goal: pin.SE3 = field(converter=_to_endpoint)
     twist: FloatArray = field(init=False, default=Factory(_twist_of, takes_self=True))
 
     @property
@@ -145,10 +161,10 @@ class StraightLine:
         return bool(np.linalg.norm(self.twist) < MIN_LENGTH)
 
     def at(self, s: float) -> pin.SE3:
-        """The pose at a fraction of the way; the line extends beyond 0..1, up to `MAX_FRACTION`.
+        """The pose at a fraction of the way; outside 0..1, the line is extended.
 
         Raises:
-            MotionError: when `s` is not a number, or beyond that.
+            MotionError: when `s` is not a number, or its size exceeds `MAX_FRACTION`.
         """
         s = finite_scalar(s, "s", MotionError)
         if abs(s) > MAX_FRACTION:
@@ -158,10 +174,11 @@ class StraightLine:
         R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
         return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
 
-    def nearest(self, T_base_tip: pin.SE3) -> float:
-        """The fraction whose position is nearest; for a rotation in place, whose orientation is.
+    def nearest_fraction(self, T_base_tip: pin.SE3) -> float:
+        """Fraction of the nearest position.
 
-        Not bounded by 0..1; 0 where the line is a point.
+        For a rotation in place, it is the fraction of the nearest orientation. Not limited to 0..1;
+        0 where the line is a point.
         """
         T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
         way, turn = np.split(self.twist, 2)
@@ -169,54 +186,42 @@ class StraightLine:
             return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
         return float(way @ (T.translation - start.translation) / max(way @ way, MIN_LENGTH**2))
 
-    def off(self, T_base_tips: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Deviation of tips, shape (m, 4, 4), from the line: m and rad, shape (m,) each."""
-        given = float_array(T_base_tips, "T_base_tips", MotionError)
-        T = finite_array(given, (given.size // 16, 4, 4), "T_base_tips", MotionError)
+    def deviations(self, T_base_tips: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Deviations of poses of the tip, shape (m, 4, 4): m and rad, shape (m,) each.
+
+        Both are relative to the pose at the nearest fraction.
+        """
+        tips = float_array(T_base_tips, "T_base_tips", MotionError)
+        T = finite_array(tips, (tips.size // 16, 4, 4), "T_base_tips", MotionError)
         (way, turn), away = np.split(self.twist, 2), T[:, :3, 3] - self.T_base_start.translation
         s = away @ way / max(way @ way, MIN_LENGTH**2)
-        if self.length_m < MIN_TRAVEL_M:  # by the turns of the tips
-            s = np.array([self.nearest(pin.SE3(tip)) for tip in T])
+        if self.length_m < MIN_TRAVEL_M:  # a rotation in place
+            s = np.array([self.nearest_fraction(pin.SE3(tip)) for tip in T])
         axis = turn / max(self.angle_rad, MIN_LENGTH)
+        # the rotations about this axis: poses of a chain of a single joint
         turns = JointChain(np.eye(4)[None], axis[None]).poses(s[:, None] * self.angle_rad)
         R = (turns[:, 0, :3, :3] @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
         sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
         cosines = np.trace(R, axis1=1, axis2=2) - 1.0
-        off_rad: FloatArray = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
-        return np.linalg.norm(away - s[:, None] * way, axis=1), off_rad
+        angles_rad: FloatArray = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
+        return np.linalg.norm(away - s[:, None] * way, axis=1), angles_rad
 
     def error(self, s: float, T_base_tip: pin.SE3) -> FloatArray:
-        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base."""
+        """Twist from a pose to that of the line at s, shape (6,), m and rad, along axes of base."""
         R = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError).rotation
-        wanted = self.at(s)
-        turn = R @ pin.log3(R.T @ wanted.rotation)
-        return np.concatenate([wanted.translation - T_base_tip.translation, turn])
+        T_base_line = self.at(s)
+        turn = R @ pin.log3(R.T @ T_base_line.rotation)
+        return np.concatenate([T_base_line.translation - T_base_tip.translation, turn])
 
     def _facts(self) -> tuple[str, ...]:
         way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
         return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
 
 
-MAX_INTERVAL_M, MAX_INTERVAL_RAD = 0.011, 0.05
-"""Maximum average travel and rotation of the tip in an interval of a line, so that it keeps to the
-line in between."""
-
-SAMPLES_PER_INTERVAL, SAMPLED_SHARE = 4, 0.9
-"""Number of samples in an interval, and the share of a tolerance allowed there; the rest is for
-what lies between two samples."""
-
-RESERVED = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
-"""Part of a tolerance that is reserved for the deviation between two knots, m and rad; at most 0.55
-and 0.65 of the default ones."""
-
-MIN_KNOT_TOLERANCE = 1e-7
-"""Minimum tolerance at knots, m, and minimum angle that counts as a rotation, rad."""
-
-
 def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
-    """Whether the tip keeps to a line, at samples between the knots as well."""
+    """Whether the tip stays within a tolerance of a line, at samples between the knots as well."""
     times = np.linspace(0.0, motion.duration, SAMPLES_PER_INTERVAL * (len(motion.knots_s) - 1) + 1)
-    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(times).q))
+    off_m, off_rad = line.deviations(arm.T_base_tips(motion.sample(times).q))
     is_near = (off_m <= SAMPLED_SHARE * tolerance.position_m) & (
         off_rad <= SAMPLED_SHARE * tolerance.rotation_rad
     )
@@ -228,11 +233,13 @@ def knot_tolerance(
 ) -> tuple[float, float]:
     """Tolerances at knots, along and about each axis, m and rad.
 
-    Smaller where the rotation of a tip that is ahead on the line would be off by more.
+    A tip that is ahead on its line by the position tolerance is also ahead in its rotation; the
+    position tolerance is reduced where that rotation would exceed its own tolerance.
     """
-    most = SAMPLED_SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
-    between = np.minimum(RESERVED, 0.65 * most / SAMPLED_SHARE)
-    position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
+    at_samples = SAMPLED_SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
+    reserved = np.array([RESERVED_SHARE_M * DEFAULT_M, RESERVED_SHARE_RAD * DEFAULT_RAD])
+    reserved = np.minimum(reserved, RESERVED_SHARE_RAD * at_samples / SAMPLED_SHARE)
+    position_m, rotation_rad = ((at_samples - reserved) / math.sqrt(3.0)).tolist()
     for line in lines:
         position_m = min(
             position_m, rotation_rad * line.length_m / max(line.angle_rad, MIN_KNOT_TOLERANCE)
@@ -240,15 +247,16 @@ def knot_tolerance(
     return max(position_m, MIN_KNOT_TOLERANCE), rotation_rad
 
 
-def intervals_of(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
-    """Number of intervals on a line, at least `fewest`; quantised, so that there are few programs.
+def intervals_of(line: StraightLine, tolerance: LineTolerance, min_intervals: int) -> int:
+    """Number of intervals on a line, at least `min_intervals`; rounded up to few different numbers.
 
-    The deviation of a spline between knots grows with the fourth power of their distance.
+    Each number needs a motion program of its own. The deviation of a spline between knots grows
+    with the fourth power of their distance.
     """
-    needed = max(line.length_m / MAX_INTERVAL_M, line.angle_rad / MAX_INTERVAL_RAD, fewest)
+    needed = max(line.length_m / MAX_INTERVAL_M, line.angle_rad / MAX_INTERVAL_RAD, min_intervals)
     tighter = (
-        STRICT.position_m / tolerance.position_m,
-        STRICT.rotation_rad / tolerance.rotation_rad,
+        DEFAULT_TOLERANCE.position_m / tolerance.position_m,
+        DEFAULT_TOLERANCE.rotation_rad / tolerance.rotation_rad,
     )
     needed *= math.sqrt(math.sqrt(max(1.0, *tighter)))
     step = 2 if needed <= 20 else 10

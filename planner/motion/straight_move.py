@@ -24,7 +24,7 @@ from planner.motion.program.guess import LineFollowed, bent_to, guess_along
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import (
-    STRICT,
+    DEFAULT_TOLERANCE,
     LineTolerance,
     StraightLine,
     intervals_of,
@@ -37,7 +37,7 @@ MIN_INTERVALS = 20
 """Minimum number of intervals on a line."""
 
 MAX_HALVINGS = 3
-"""How often intervals are halved when the tip leaves its line between knots."""
+"""Maximum number of times that intervals are halved when the tip leaves its line between knots."""
 
 MAX_JOINT_LINE = 1e-4
 """Lines up to this length, in m and rad combined, are straight in joint space except near
@@ -48,7 +48,7 @@ MAX_OTHERS, TURNS, MIN_DIFFERENCE_RAD, MAX_TIME_RATIO = 4, 192, 0.12, 0.99
 minimum distance of these solutions in some joint; maximum ratio of times that is an improvement."""
 
 LIMIT_TOLERANCE_RAD = 1e-6
-"""A joint closer than this to a limit is at the limit."""
+"""Maximum distance from a limit of a joint that counts as being there."""
 
 
 def plan_straight_move(
@@ -61,7 +61,7 @@ def plan_straight_move(
     acceleration_start_m_s2: float = 0.0,
     speed_end_m_s: float = 0.0,
     acceleration_end_m_s2: float = 0.0,
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     fineness: int = 1,
     clip_start: bool = False,
 ) -> Trajectory:
@@ -138,14 +138,14 @@ def _planned(
     if not is_at_rest or np.linalg.norm(line.twist) <= MAX_JOINT_LINE:
         return motion
     solutions = sample_solutions(IKService(arm), line.T_base_goal, turns=TURNS)
-    least_s, q_known = rest_to_rest_s(solutions - task.q_start, limits), motion.q_goal
+    min_s, q_tried = rest_to_rest_s(solutions - task.q_start, limits), motion.q_goal
     for _ in range(MAX_OTHERS):
-        for q in (q_known, motion.q_goal):
-            least_s[np.abs(solutions - q).max(axis=1) < MIN_DIFFERENCE_RAD] = np.inf
-        if least_s.min(initial=np.inf) >= MAX_TIME_RATIO * motion.duration:
+        for q in (q_tried, motion.q_goal):
+            min_s[np.abs(solutions - q).max(axis=1) < MIN_DIFFERENCE_RAD] = np.inf
+        if min_s.min(initial=np.inf) >= MAX_TIME_RATIO * motion.duration:
             break
-        q_known = solutions[least_s.argmin()]
-        other = q_known, motion.duration
+        q_tried = solutions[min_s.argmin()]
+        other = q_tried, motion.duration
         motion = _near(arm, limits, task, tolerance, fineness, other=other) or motion
     return motion
 
@@ -177,12 +177,14 @@ def _near(
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
         if other is not None:
             guess = bent_to(guess, *other)
-        found = _program(phase, len(limits.names)).solve([guess], task, arm, limits)
-        if other is not None and (found is None or found[0].duration >= MAX_TIME_RATIO * other[1]):
+        motions = _program(phase, len(limits.names)).solve([guess], task, arm, limits)
+        if other is not None and (
+            motions is None or motions[0].duration >= MAX_TIME_RATIO * other[1]
+        ):
             return None
-        if found is not None and is_on_line(arm, line, found[0], tolerance):
-            return found[0]
-        if found is None and not is_at_rest and intervals > fineness * MIN_INTERVALS:
+        if motions is not None and is_on_line(arm, line, motions[0], tolerance):
+            return motions[0]
+        if motions is None and not is_at_rest and intervals > fineness * MIN_INTERVALS:
             break
         intervals *= 2
     if is_at_rest and other is None:
@@ -252,8 +254,8 @@ def _stopped(arm: Arm, limits: JointLimits, q: FloatArray) -> str:
                 f"{limits.names[i]} runs into its {which} limit of {bound[i]:.6g} rad; start from "
                 "another configuration of the arm"
             )
-    least = float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
+    smallest = float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
     return (
         "the arm is at a singularity, or so near that its joints would turn too sharply: the "
-        f"smallest singular value of its Jacobian is {least:.2g} (m, rad)"
+        f"smallest singular value of its Jacobian is {smallest:.2g} (m, rad)"
     )

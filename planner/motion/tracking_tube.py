@@ -57,14 +57,15 @@ from planner.motion.response import Response, remaining_share
 from planner.trajectory import Trajectory
 
 CELL_S = 1e-3
-"""Of plan time; a tube is wider by the change of the set-point in a cell."""
+"""Duration of a cell in plan time; a tube is wider by the change of the set-point in a cell."""
 
 ROUNDING_RAD = 1e-7
-"""Jumps at knots are at most 1e-8 rad, and the errors of all cells together are below 1e-10."""
+"""Allowance for rounding: jumps at knots are at most 1e-8 rad, and the errors of all cells together
+are below 1e-10."""
 
 SETTLED_RAD = 0.0087
-"""The executor continues when all joints are measured within this: half a degree, as the
-original."""
+"""Maximum distance of measured joints from their goal when the executor continues: half a degree,
+as in the original."""
 
 STARTS, START_SHARE = 6, 0.25
 """Number of boxes for the start of a motion, and the duration of each in maximum lags."""
@@ -167,12 +168,12 @@ def _rates(
     """Maximum |w - y| / T; of a joint without lag, that of the set-points."""
     ahead = (sent[1] - np.minimum(low[:-1], low[1:])).max(axis=0)
     behind = (np.maximum(high[:-1], high[1:]) - sent[0]).max(axis=0)
-    least, most = response.lag_s.T
+    min_lag_s, max_lag_s = response.lag_s.T
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        apart = np.maximum(ahead, behind)
-        following = np.where(apart > 0.0, apart / least, 0.0)
+        distance_rad = np.maximum(ahead, behind)
+        following = np.where(distance_rad > 0.0, distance_rad / min_lag_s, 0.0)
     sending = np.abs(np.diff(sent[0], axis=0)).max(axis=0) / cell_s
-    rates: FloatArray = np.where(most > 0.0, following, sending)
+    rates: FloatArray = np.where(max_lag_s > 0.0, following, sending)
     return rates
 
 
@@ -218,9 +219,9 @@ class _Rest:
 
     def _off(self, after_s: FloatArray) -> JointRange:
         """The bounds relative to the goal, at times of shape (k, 1)."""
-        least, most = (remaining_share(after_s, lag_s) for lag_s in self._lag_s.T)
-        low = self._low * np.where(self._low > 0.0, least, most)
-        high = self._high * np.where(self._high < 0.0, least, most)
+        min_share, max_share = (remaining_share(after_s, lag_s) for lag_s in self._lag_s.T)
+        low = self._low * np.where(self._low > 0.0, min_share, max_share)
+        high = self._high * np.where(self._high < 0.0, min_share, max_share)
         return low, high
 
     def _until(self, off: FloatArray, lag_s: FloatArray) -> float:

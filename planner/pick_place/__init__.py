@@ -1,1 +1,1 @@
-"""From a pick and a place to a checked plan."""
+"""Plans of picks and places, from the task to a checked plan."""

@@ -30,8 +30,8 @@ BOUND_TURNS = 192
 """Number of angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""
 
 NEIGHBOURHOOD_RAD = 0.15
-"""Solutions closer than this in every joint are expected to collide alike: two steps of the samples
-in the angle of s0."""
+"""Maximum distance in every joint of solutions that are expected to collide alike: two steps of the
+samples in the angle of s0."""
 
 
 class CandidatePair(NamedTuple):
@@ -42,7 +42,7 @@ class CandidatePair(NamedTuple):
 
 
 class Solutions:
-    """Solutions of one waypoint, in the situation there.
+    """Solutions of one waypoint, in the collision context there.
 
     Attributes:
         stage: label of the move that ends there.
@@ -62,7 +62,7 @@ class Solutions:
         return np.flatnonzero(np.abs(self.qs - self.qs[index]).max(axis=1) < NEIGHBOURHOOD_RAD)
 
     def summary(self) -> CollisionSummary:
-        """How many solutions collide, and with what."""
+        """Summary of the collisions of the solutions."""
         return CollisionSummary.of(self.stage, self.qs, self._context)
 
     def refuse_none_free(self) -> None:
@@ -145,7 +145,7 @@ def transfer_bound_s(
     Raises:
         PoseError: when a pose is invalid.
         RequestError: when `ik` is not an `IKService`.
-        MotionError: when `limits` are of another class, or of another number of joints.
+        MotionError: when `limits` have the wrong type, or another number of joints.
     """
     joints = len(expect(limits, JointLimits, "limits", MotionError).names)
     if joints != len(JOINTS):
@@ -160,8 +160,8 @@ def transfer_bound_s(
 def _samples(ik: IKService, T_base_tip: pin.SE3) -> FloatArray:
     """Samples; where all of them miss a small solution set, the solution of the service."""
     samples = sample_solutions(ik, T_base_tip)
-    found = ik.solve(T_base_tip)
-    return found.q[None] if not len(samples) and found.is_valid else samples
+    result = ik.solve(T_base_tip)
+    return result.q[None] if not len(samples) and result.is_valid else samples
 
 
 def _leading_to(
@@ -170,5 +170,5 @@ def _leading_to(
     """The configurations from which the search reaches a pose, and its results."""
     if not len(qs):
         return qs, qs
-    found = ik.search.search(qs, np.repeat(T_base_tip.homogeneous[None], len(qs), axis=0))
-    return qs[found.is_valid], found.q[found.is_valid]
+    results = ik.search.search(qs, np.repeat(T_base_tip.homogeneous[None], len(qs), axis=0))
+    return qs[results.is_valid], results.q[results.is_valid]

@@ -37,10 +37,10 @@ MAX_OPTIMISED = 4
 """Maximum number of pairs whose cycles are planned as one program."""
 
 MIN_DIFFERENCE_RAD = 0.4
-"""Minimum difference of some joint between two of these."""
+"""Minimum difference of some joint between two of these pairs."""
 
 SAME_OPTIMUM_S, SAME_OPTIMUM_RAD = 2e-3, 0.02
-"""Cycles that differ by less are the same optimum."""
+"""Maximum differences of two cycles that are the same optimum."""
 
 MAX_TRIED, MAX_SIDEWAYS = 16, 3
 """Maximum number of pairs tried one motion at a time, and of those whose sideways motions fail."""
@@ -56,7 +56,7 @@ PROVEN_FIRST = (
 
 
 class CycleSearch:
-    """One search; situations and lines are shared by all pairs that are tried."""
+    """One search; contexts and lines are shared by all pairs that are tried."""
 
     def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
         self._request, self._task = request, task
@@ -64,7 +64,7 @@ class CycleSearch:
 
     @cached_property
     def _program(self) -> CycleProgram:
-        """Made once the waypoints are known to be reachable."""
+        """The program; it is built once all waypoints are known to be reachable."""
         return CycleProgram(self._request, self._task)
 
     @cached_property
@@ -107,13 +107,13 @@ class CycleSearch:
             q = ik.q
 
     def _make_phases(self) -> None:
-        """Derive the situations.
+        """Derive the phases and their collision contexts.
 
         A hand that cannot be at the pick is reported before a grasp that would not hold.
         """
         maker = PhaseMaker(self._request, self._task)
         try:
-            self._phases = maker.made()
+            self._phases = maker.phases()
         except NoSolutionError as stop:
             if stop.failure.stage == "pick: close":
                 context = maker.reaching(self._request.manipulator.hand.stroke_m)
@@ -123,15 +123,15 @@ class CycleSearch:
 
     def _check_solutions(self) -> None:
         """Raise an error when no solution at pick or place is free."""
-        contexts, found = self._contexts, self._candidates
+        contexts, candidates = self._contexts, self._candidates
         refuse_blocked(
             "pick: approach", self._request.q_start, contexts["pick: approach"], "at its start"
         )
-        self._picks = Solutions("pick: descend", found.picks, contexts["pick: descend"])
+        self._picks = Solutions("pick: descend", candidates.picks, contexts["pick: descend"])
         self._picks.refuse_none_free()
-        self._places = Solutions("place: descend", found.places, contexts["place: descend"])
+        self._places = Solutions("place: descend", candidates.places, contexts["place: descend"])
         taken = self._phases.taken
-        if taken is not None and len(found.places):
+        if taken is not None and len(candidates.places):
             raise NoSolutionError(evolve(taken, tallies=(self._places.summary(),)))
         self._places.refuse_none_free()
         self._phases.refuse_impossible()
@@ -205,31 +205,35 @@ class CycleSearch:
             if sideways == MAX_SIDEWAYS:
                 break
 
-    def _along(self, cycle: Cycle, known: Mapping[str, ProvenMotion] | None = None) -> Plan:
+    def _along(
+        self, cycle: Cycle, proven_motions: Mapping[str, ProvenMotion] | None = None
+    ) -> Plan:
         """The plan of a cycle up to the stage that fails; no steps where a move does.
 
         Args:
             cycle: the motions.
-            known: those that are proven already, by stage.
+            proven_motions: those that are proven already, by stage.
         """
         builder = PlanBuilder(self._request)
         try:
-            found = dict(known or {})
+            motions = dict(proven_motions or {})
             for stage in PROVEN_FIRST:
-                if stage not in found:
-                    found[stage] = proven(stage, cycle.by_stage[stage], self._contexts[stage])
-            self._add(cycle, builder, found)
+                if stage not in motions:
+                    motions[stage] = proven(stage, cycle.by_stage[stage], self._contexts[stage])
+            self._add(cycle, builder, motions)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
         return builder.plan()
 
-    def _add(self, cycle: Cycle, builder: PlanBuilder, known: Mapping[str, ProvenMotion]) -> None:
+    def _add(
+        self, cycle: Cycle, builder: PlanBuilder, proven_motions: Mapping[str, ProvenMotion]
+    ) -> None:
         """Add every step; motions that are not proven yet are proven here."""
         phases, task = self._phases, self._task
 
         def move(label: str, T_base_tip: pin.SE3) -> None:
             context, is_straight = self._contexts[label], label not in SIDEWAYS
-            motion = known.get(label) or proven(label, cycle.by_stage[label], context)
+            motion = proven_motions.get(label) or proven(label, cycle.by_stage[label], context)
             builder.add_move(label, motion, context, T_base_tip, is_straight=is_straight)
 
         builder.add_open("pick: open", phases.opening_m)
@@ -262,14 +266,14 @@ class CycleSearch:
 
 
 def _nearness(failure: PlanFailure) -> tuple[int, float]:
-    """How far a plan got, and by how little it failed; greater is better."""
+    """Progress of a plan, and by how little it failed; greater is better."""
     contact = failure.contact
     distance_m = -np.inf if contact is None else contact.nearest.distance_m
     return STAGES.index(failure.stage), distance_m
 
 
 def _attempts(failures: tuple[PlanFailure, ...]) -> str:
-    """How many attempts failed at which stage."""
+    """Number of attempts that failed at each stage."""
     stages = Counter(failure.stage for failure in failures)
     if len(stages) == 1:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"

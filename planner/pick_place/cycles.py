@@ -26,10 +26,10 @@ from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
 ENTRY, ACROSS = 14, 20
-"""Intervals on the way to the first line, and between both lines."""
+"""Number of intervals on the way to the first line, and between both lines."""
 
 LED_ENTRY, LED_ACROSS = 20, 28
-"""The same for motions around obstacles, which have more turns."""
+"""These numbers for motions around obstacles, which have more turns."""
 
 LED_ON_LINE = 1.5
 """Factor of the number of intervals on lines where the arm avoids a collision on one: an elbow that
@@ -41,6 +41,9 @@ one."""
 
 HEIGHT_TOLERANCE_M = 1e-6
 """Rounding allowed where the tip must not sink."""
+
+TIMEOUT_S = 2.0
+"""Maximum duration of the search for one path; a wall on the table takes a tenth of a second."""
 
 RESTING_KNOTS: tuple[list[int], ...] = ([0], [-1], [0], [], [-1], [0, -1])
 """The knots, first or last, at which the arm rests in each motion."""
@@ -128,14 +131,14 @@ class CycleProgram:
         arm, limits = self._manipulator.arm, self._manipulator.limits
         intervals = tuple(sketch.intervals for sketch in sketches)
         program = _program(intervals, len(limits.names))
-        found = program.solve(sketches, self._task, arm, limits, clearances)
-        if found is None:
+        motions = program.solve(sketches, self._task, arm, limits, clearances)
+        if motions is None:
             return None
         pick, place, end = self._task.lines
-        _, down_pick, up_pick, _, down_place, up_end = found
+        _, down_pick, up_pick, _, down_place, up_end = motions
         straight = (pick, down_pick), (pick, up_pick), (place, down_place), (end, up_end)
         is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
-        return found if is_straight else None
+        return motions if is_straight else None
 
     def _sketched(self, pair: CandidatePair) -> list[Sketch] | None:
         """A guess: up the lines while accelerating, down in reverse, and smoothly in between.
@@ -174,10 +177,6 @@ def _program(intervals: tuple[int, ...], joints: int) -> MotionProgram:
         ),
         joints,
     )
-
-
-TIMEOUT_S = 2.0
-"""Maximum duration of the search for one path; a wall on the table takes a tenth of a second."""
 
 
 class Cycle(NamedTuple):
@@ -226,7 +225,7 @@ class StoppingCycles:
     def __init__(
         self, request: PlanRequest, task: PickAndPlace, contexts: Mapping[str, CollisionContext]
     ) -> None:
-        """For a task, with the collision context of each stage by its label."""
+        """Store a task, with the collision context of each stage by its label."""
         self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
@@ -240,7 +239,7 @@ class StoppingCycles:
         up_place = self._line("place: descend", q_place, task.T_base_above_place)
         up_end = self._line("place: retract", q_place, task.T_base_end)
         down_pick, down_place = up_pick.reversed(), up_place.reversed()
-        found = {
+        motions = {
             stage: proven(stage, motion, contexts[stage])
             for stage, motion in (
                 ("pick: descend", down_pick),
@@ -253,9 +252,9 @@ class StoppingCycles:
             ("place: approach", (up_pick.q_goal, down_place.q_start)),
         ):
             manipulator, context = self._request.manipulator, contexts[stage]
-            found[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
-        to_pick, to_place = (found[stage].trajectory for stage in SIDEWAYS)
-        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), found
+            motions[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
+        to_pick, to_place = (motions[stage].trajectory for stage in SIDEWAYS)
+        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), motions
 
     def _line(self, stage: str, q: FloatArray, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()
@@ -268,7 +267,7 @@ class StoppingCycles:
                 )
             except MotionError as cause:
                 self._planned[key] = NoSolutionError.at(stage, str(cause))
-        found = self._planned[key]
-        if isinstance(found, NoSolutionError):
-            raise found
-        return found
+        motion = self._planned[key]
+        if isinstance(motion, NoSolutionError):
+            raise motion
+        return motion

@@ -61,7 +61,11 @@ MAX_DROP_M = 0.01
 OPENING_STEP_M = 1e-4
 """Resolution of the search for the widest free opening."""
 
+STEP_M = 0.005
+"""Distance between samples of the hand; the proofs of the moves find thinner obstacles."""
+
 _SAME_PLACE_M = 1e-9
+"""Maximum difference of two poses at which a body is in the same place, m."""
 
 _Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, ...]]
 """A finger position, the fingers' travel from or to it, and what blocks any opening."""
@@ -69,7 +73,7 @@ _Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phases:
-    """The situations of one pick and place.
+    """Finger travels and collision contexts of one pick and place.
 
     Attributes:
         opening_m: finger position with which the hand approaches the body.
@@ -106,7 +110,7 @@ class PhaseMaker:
     request: PlanRequest
     task: PickAndPlace
 
-    def made(self) -> Phases:
+    def phases(self) -> Phases:
         """The phases.
 
         Raises NoSolutionError when something stands on the body, or the hand cannot grasp it.
@@ -187,7 +191,7 @@ class PhaseMaker:
             fault = f"but the {hand.side} hand opens only {1e3 * hand.open_gap_m:.1f} mm"
         raise NoSolutionError.at(
             "pick: open",
-            f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+            f"{body.name} measures {1e3 * _min_width_m(body):.1f} mm, "
             f"{1e3 * width:.1f} mm between the pads as it lies, {fault}",
             is_certain=True,
         )
@@ -222,7 +226,7 @@ class PhaseMaker:
         travels: Callable[[float], tuple[FingerTravel, ...]],
         T_base_tip: pin.SE3,
         step: tuple[str, GripperAction],
-        least_m: float,
+        min_m: float,
     ) -> _Opening:
         """The widest opening with a clear travel of the fingers; or the full one, with the failure.
 
@@ -231,23 +235,23 @@ class PhaseMaker:
 
         def contact(way: tuple[FingerTravel, ...]) -> ContinuousContact | None:
             checks = (travel_check(self.request.manipulator, travel) for travel in way)
-            found = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
-            return next(filter(None, found), None)
+            contacts = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
+            return next(filter(None, contacts), None)
 
-        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + MIN_FINGER_CLEARANCE_M
-        whole = travels(widest_m)
-        if contact(whole) is None:
-            return widest_m, whole, ()
-        blocked = contact(travels(min(least_m, widest_m)))
+        max_m, min_m = self.request.manipulator.hand.stroke_m, min_m + MIN_FINGER_CLEARANCE_M
+        full_travel = travels(max_m)
+        if contact(full_travel) is None:
+            return max_m, full_travel, ()
+        blocked = contact(travels(min(min_m, max_m)))
         if blocked is not None:
-            return widest_m, whole, (blocked_fingers(*step, blocked, is_certain=True),)
-        while widest_m - least_m > OPENING_STEP_M:
-            middle_m = (least_m + widest_m) / 2
+            return max_m, full_travel, (blocked_fingers(*step, blocked, is_certain=True),)
+        while max_m - min_m > OPENING_STEP_M:
+            middle_m = (min_m + max_m) / 2
             if contact(travels(middle_m)) is None:
-                least_m = middle_m
+                min_m = middle_m
             else:
-                widest_m = middle_m
-        return least_m, travels(least_m), ()
+                max_m = middle_m
+        return min_m, travels(min_m), ()
 
     def _releasing(
         self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
@@ -266,7 +270,7 @@ class PhaseMaker:
         )
 
     def _carried(self, body: Body, grasp: Grasp) -> dict[str, CollisionContext]:
-        """The situations with the body in the hand: on its supports, and free of them."""
+        """Contexts with the body in the hand: on its supports, and free of them."""
         others = self.request.scene.without(self.task.body)
         placed = body.at(self.task.T_base_place * grasp.T_tip_body)
         stood, will_stand = part_contacts(body, self.request.scene), part_contacts(placed, others)
@@ -278,7 +282,7 @@ class PhaseMaker:
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
 
     def reaching(self, opening_m: float) -> CollisionContext:
-        """The situation on the line down to the pick, at an opening of the fingers."""
+        """Context on the line down to the pick, at an opening of the fingers."""
         return self._near(self.request.scene, opening_m, self.task.T_base_pick)
 
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
@@ -318,19 +322,15 @@ class PhaseMaker:
 
     @property
     def _context(self) -> Callable[..., CollisionContext]:
-        """Makes the situation of some bodies, by the opening of the fingers and the contacts."""
+        """Builds a context from a scene, the opening of the fingers and the allowed contacts."""
         request = self.request
         return partial(request.manipulator.context, margin_m=request.margin_m)
 
 
-def _least_width_m(body: Body) -> float:
+def _min_width_m(body: Body) -> float:
     """The smallest of the body's extents along its own axes."""
     spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
     return min(high - low for low, high in spans)
-
-
-STEP_M = 0.005
-"""Distance between samples of the hand; the proofs of the moves find thinner obstacles."""
 
 
 def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionContext]) -> None:
@@ -349,15 +349,15 @@ def _refuse_blocked_line(
     label: str, context: CollisionContext, T_base_tip: pin.SE3, rise_m: float
 ) -> None:
     heights_m = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M)))
-    found = _contacts(context, [raised(T_base_tip, height) for height in heights_m.tolist()])
-    if not found:
+    contacts = _contacts(context, [raised(T_base_tip, height) for height in heights_m.tolist()])
+    if not contacts:
         return
-    near, needed_m, sample = min(found, key=lambda each: each[0].distance_m)
+    near, needed_m, sample = min(contacts, key=lambda each: each[0].distance_m)
     height_m = float(heights_m[sample])
     where = "at the pose" if height_m == 0.0 else f"{1e3 * height_m:.0f} mm above the pose"
     reason = f"for every IK solution, {near.text} {where}"
     if near.distance_m > 0.0:
-        reason += f", and {1e3 * context.margin_m:.1f} mm are asked for"
+        reason += f", and {1e3 * context.margin_m:.1f} mm are required"
     contact = ContinuousContact(
         near, needed_m, duration_s=0.0, intervals=0, evaluations=len(heights_m)
     )
@@ -383,11 +383,11 @@ def _contacts(
     poses[:, moves] = np.array([T.homogeneous for T in T_base_tips])[:, None] @ T_tip_shapes
     samples, pair = (each.ravel() for each in np.indices((len(poses), len(pairs))))
     needs = checked.required_m(context.margin_m)[pairs[pair]]
-    found = []
+    contacts = []
     for near in np.flatnonzero(checked.gaps_m(poses, samples, pairs[pair]) <= needs).tolist():
         number, need_m = int(pairs[pair[near]]), float(needs[near])
         checked.distances.place(poses[samples[near]])
         distance_m = checked.distances.measure(number, max(need_m, 0.0) + ACCURACY_M)
         if distance_m <= need_m:
-            found.append((checked.clearance_of(number, distance_m), need_m, int(samples[near])))
-    return found
+            contacts.append((checked.clearance_of(number, distance_m), need_m, int(samples[near])))
+    return contacts

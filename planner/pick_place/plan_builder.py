@@ -81,7 +81,7 @@ class PlanBuilder:
         Args:
             label: stage and waypoint.
             motion: from the arm's current configuration.
-            context: the situation during the move.
+            context: the collision context of the move.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
             is_straight: whether the tip moves along a straight line.
         """
@@ -89,8 +89,19 @@ class PlanBuilder:
         if T_base_tip is not None:
             ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
         contacts = during(context.checker.contacts, trajectory.duration)
-        known = proof.nearest, proof, is_straight, self._state, contacts
-        self._add(Move(label, trajectory, T_base_tip, ik, *known))
+        self._add(
+            Move(
+                label,
+                trajectory,
+                T_base_tip,
+                ik,
+                clearance=proof.nearest,
+                proof=proof,
+                is_straight=is_straight,
+                state=self._state,
+                contacts=contacts,
+            )
+        )
 
     def add_free_move(self, label: str, q_goal: FloatArray, context: CollisionContext) -> None:
         """Add a move to a configuration, around obstacles.
@@ -190,7 +201,7 @@ def free_motion(
 
     Raises NoSolutionError when none is found.
     """
-    found: list[ProvenMotion] = []
+    clear_motions: list[ProvenMotion] = []
 
     def is_clear(motion: Trajectory) -> bool:
         if not looks_clear(motion, context.is_free, SCREENING_STEP_RAD):
@@ -198,7 +209,7 @@ def free_motion(
         result = context.prove(motion)
         if isinstance(result, ContinuousContact):
             return False
-        found.append(ProvenMotion(motion, result))
+        clear_motions.append(ProvenMotion(motion, result))
         return True
 
     try:
@@ -212,7 +223,7 @@ def free_motion(
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause
-    return next(each for each in found if each.trajectory is fastest)
+    return next(each for each in clear_motions if each.trajectory is fastest)
 
 
 def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: str) -> None:

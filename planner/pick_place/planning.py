@@ -32,7 +32,7 @@ from planner.errors import MotionError, ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
 from planner.motion.response import Response
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
@@ -51,7 +51,7 @@ def plan_pick_and_place(
     state: State | None = None,
     margin_m: float = 0.0,
     held: Sequence[Attachment] = (),
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     response: Response | None = None,
     clip_start: bool = False,
 ) -> Plan:
@@ -85,11 +85,11 @@ def plan_pick_and_place(
 
     Raises:
         SceneError: when the body is not in the scene.
-        TaskError: when the body cannot be moved, or an argument is of another class.
+        TaskError: when the body cannot be moved, or an argument has the wrong type.
         ConfigurationError: when `q_start` is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
             `LineTolerance`.
-        ResponseError: when the response is of another class.
+        ResponseError: when the response has the wrong type.
     """
     expect(task, PickAndPlace, "task", TaskError)
     if response is not None:
@@ -181,7 +181,7 @@ def plan_retract(
     state: State | None = None,
     margin_m: float = 0.0,
     held: Sequence[Attachment] = (),
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     clip_start: bool = False,
 ) -> Plan:
     """Open the fingers, and rise straight up from the current pose.
@@ -211,7 +211,8 @@ def plan_retract(
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
         TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
-        MotionError: when the margin is not a number, or negative, or a tolerance of another class.
+        MotionError: when the margin is not a number, or negative, or a tolerance has the wrong
+            type.
     """
     request = _requested(
         manipulator,
@@ -245,7 +246,7 @@ def _requested(
     state: State | None,
     *,
     margin_m: float,
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     q_name: str = "q_start",
     clip_start: bool,
 ) -> PlanRequest:

@@ -21,12 +21,14 @@ from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
-from planner.motion.straight_line import STRICT, LineTolerance
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
+"""Stages on the line of the pick, in order."""
 
 PLACE_LINES = ("place: descend", "place: open", "place: retract")
+"""Stages on the line of the place, in order."""
 
 SIDEWAYS = ("pick: approach", "place: approach")
 """Stages in which the tip is free; in the other moves it follows lines."""
@@ -35,7 +37,7 @@ STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
 """All stages, in order."""
 
 MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
-"""The stages in which the arm moves."""
+"""All stages in which the arm moves, in order."""
 
 DEFAULT_HOVER_M = 0.15
 """Height above the place where the arm ends; the original demo's hover distance."""
@@ -127,4 +129,4 @@ class PlanRequest:
     q_start: FloatArray
     margin_m: float = 0.0
     held: tuple[Attachment, ...] = ()
-    line_tolerance: LineTolerance = STRICT
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE

@@ -7,18 +7,21 @@ full speed a Baxter cuts the corners between lines by centimetres. Given bounds 
 its worst, all pairs of shapes are apart (`planner.collision.tube_proof`). The proven
 distance of each move is stated, in the state of that move.
 
-Intended contacts cannot be proven to be apart from an arm that is off its path: the fingers pass a
-block at some 2.5 mm. As long as these are not proven to be apart, the hand is within a stated
-allowance of its path (`planner.motion.off_path`), and in the whole of such a move within
-`most_off_m`, or the plan is refused. It is not proven that the fingers then still hold what they
-should; the tip's distance from its goal when they close is stated.
+No clearance can be proven for intended contacts: the fingers pass a block by about 2.5 mm. While
+such a contact is possible, the hand must stay within `most_off_m` of its path
+(`planner.motion.path_deviation`); otherwise the plan is refused. It is not proven that the fingers
+then still hold what they should; the tip's distance from its goal when they close is stated.
 
-Assumptions, not covered by the proof: joints that do not follow to first order with an error, as at
-the robot's own speed cap (`rate_rad_s`), when pushed or held, or while it avoids collisions by
-itself; a stream that halts for longer than `late_s` in total since the arm last rested, unless the
-minimum lag is zero; bodies or a grasp that differ from the plan's state; links two joints apart,
-which are known never to collide within the joint limits, if start or error leave these limits; and
-the travel of fingers, whose proofs assume the arm at its goal.
+The proof does not cover:
+
+- joints that do not follow to first order with an error: at the robot's own speed cap
+  (`rate_rad_s`), when pushed or held, or while the robot avoids collisions by itself;
+- a stream that halts for longer than `late_s` in total since the arm last rested, unless the
+  minimum lag is zero;
+- bodies, or a grasp, that differ from the plan's state;
+- links two joints apart, which are known never to collide within the joint limits, if the start or
+  an error leaves these limits;
+- the travel of fingers, whose proofs assume that the arm is at its goal.
 """
 
 from __future__ import annotations
@@ -41,20 +44,20 @@ from planner.pick_place.tracked_runs import (
     MoveTracking,
     RunTubes,
     TrackedRun,
-    TrackingDemands,
+    TrackingRequirements,
     check_rests,
     runs_of,
 )
 from planner.plan import Plan, PlanFailure
 
-MAX_OFF_M = 0.04
-"""Default maximum deviation of a hand from its path where it may touch something."""
+DEFAULT_MAX_DEVIATION_M = 0.04
+"""Default maximum deviation of a hand from its path in moves with intended contacts."""
 
 START_RAD = 0.02
 """Maximum distance of measured joints from a plan's start: what the executor tolerates."""
 
 SPEED_STEP = 0.01
-"""Difference between speeds that are tried."""
+"""Difference between speeds that are tried, and the lowest of them."""
 
 
 def prove_tracking(
@@ -62,7 +65,7 @@ def prove_tracking(
     response: Response,
     *,
     margin_m: float = 0.0,
-    most_off_m: float = MAX_OFF_M,
+    most_off_m: float = DEFAULT_MAX_DEVIATION_M,
     start_rad: float = START_RAD,
     manipulator: Manipulator | None = None,
     seek_speed: bool = True,
@@ -84,23 +87,22 @@ def prove_tracking(
         What is proven of each move; where that is not enough, why, and the speed that would pass.
 
     Raises:
-        TaskError: when an argument is of another class, the plan is for another robot, lacks its
+        TaskError: when an argument has the wrong type, the plan is for another robot, lacks its
             state, or its grips contradict that.
-        ResponseError: when the response is of another class, or a number is out of range.
+        ResponseError: when the response has the wrong type, or a number is out of range.
         MotionError: when the margin is not a number, or negative.
         TrajectoryError: when a move does not end at rest where fingers act, or at the end.
     """
     expect(plan, Plan, "plan", TaskError)
     expect(response, Response, "response", ResponseError)
-    asked = TrackingDemands(
-        checked_margin_m(margin_m),
-        _amount(most_off_m, "most_off_m"),
-        _amount(start_rad, "start_rad"),
+    required = TrackingRequirements(
+        margin_m=checked_margin_m(margin_m),
+        max_deviation_m=_not_negative(most_off_m, "most_off_m"),
+        start_rad=_not_negative(start_rad, "start_rad"),
     )
     if plan.failure is not None:
-        reason = f"the plan is not valid: {plan.failure}"
-        return TrackingProof(response, (), *asked, np.zeros(7), None, reason)
-    return _PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
+        return _proof_of(response, required, failure=f"the plan is not valid: {plan.failure}")
+    return _PlanTracking(plan, manipulator, required).proof(response, seek_speed=seek_speed)
 
 
 def planned_for(
@@ -120,38 +122,56 @@ def planned_for(
     """
     if plan.failure is not None:
         return plan
-    asked = TrackingDemands(margin_m, MAX_OFF_M, START_RAD)
-    tracking = _PlanTracking(plan, manipulator, asked)
-    proof = tracking.proof(response)
+    required = TrackingRequirements(
+        margin_m=margin_m, max_deviation_m=DEFAULT_MAX_DEVIATION_M, start_rad=START_RAD
+    )
+    proof = _PlanTracking(plan, manipulator, required).proof(response)
     if proof.greatest_speed is not None:
         return evolve(plan, response=response.at_speed(proof.greatest_speed))
     failed = next(move for move in proof.moves if move.failure is not None)
-    reason = str(proof.failure).removeprefix(f"{failed.label}: ")
+    reason = f"{failed.failure}{_advice(response, None)}"
     return evolve(plan, failure=PlanFailure(failed.label, reason))
 
 
 class _PlanTracking:
     """The tracking proofs of a valid plan, for any response."""
 
-    def __init__(self, plan: Plan, manipulator: Manipulator | None, asked: TrackingDemands) -> None:
-        """Derive the situations of its moves."""
+    def __init__(
+        self, plan: Plan, manipulator: Manipulator | None, required: TrackingRequirements
+    ) -> None:
+        """Derive the collision contexts of its moves."""
         arm = manipulator_for(plan, manipulator)
         _check_robot(plan, arm)
-        self._q_start, self._asked = plan.q_start, asked
+        self._q_start, self._required = plan.q_start, required
         check_rests(plan.steps)
         self._runs = tuple(runs_of(plan.moves, move_contexts(plan, arm)))
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
         """The proofs of all moves, and the greatest speed that passes."""
-        tracked = list(self._tracked(response))
-        moves = [move for run, tubes in tracked for move in run.found(tubes, self._asked)]
-        rates = np.max([np.zeros(7), *(tubes.whole.rates for _, tubes in tracked)], axis=0)
-        failure = next((move.failure for move in moves if move.failure is not None), None)
-        speed: float | None = response.speed
-        if failure is not None:
-            speed = self.greatest_speed(response) if seek_speed else None
-            failure += _advice(response, speed) if seek_speed else ""
-        return TrackingProof(response, tuple(moves), *self._asked, rates, speed, failure)
+        runs = list(self._runs_with_tubes(response))
+        moves = tuple(
+            move for run, tubes in runs for move in run.track_moves(tubes, self._required)
+        )
+        rates = np.max([np.zeros(7), *(tubes.hull.rates for _, tubes in runs)], axis=0)
+        failed = next((move for move in moves if move.failure is not None), None)
+        if failed is None:
+            return _proof_of(
+                response,
+                self._required,
+                moves=moves,
+                rate_rad_s=rates,
+                greatest_speed=response.speed,
+            )
+        speed = self.greatest_speed(response) if seek_speed else None
+        advice = _advice(response, speed) if seek_speed else ""
+        return _proof_of(
+            response,
+            self._required,
+            moves=moves,
+            rate_rad_s=rates,
+            greatest_speed=speed,
+            failure=f"{failed.label}: {failed.failure}{advice}",
+        )
 
     def greatest_speed(self, response: Response) -> float | None:
         """The greatest proven speed below that of a response; None where none was found.
@@ -162,26 +182,28 @@ class _PlanTracking:
         passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
         while fails - passes > 1:
             middle = (passes + fails) // 2
-            tracked = self._tracked(response.at_speed(middle * SPEED_STEP))
-            if all(run.keeps(tubes, self._asked) for run, tubes in tracked):
+            runs = self._runs_with_tubes(response.at_speed(middle * SPEED_STEP))
+            if all(run.passes(tubes, self._required) for run, tubes in runs):
                 passes = middle
             else:
                 fails = middle
         return round(passes * SPEED_STEP, 2) if passes else None
 
-    def _tracked(self, response: Response) -> Iterator[tuple[TrackedRun, RunTubes]]:
+    def _runs_with_tubes(self, response: Response) -> Iterator[tuple[TrackedRun, RunTubes]]:
         """The runs in order, each with the tubes of the joints during it."""
-        off_rad = self._asked.start_rad + response.settled_error_rad  # measurements have errors
-        starts: tuple[JointRange, ...] = ((self._q_start - off_rad, self._q_start + off_rad),)
+        # the measured joints are within start_rad, the true ones within an error of these
+        width_rad = self._required.start_rad + response.settled_error_rad
+        starts: tuple[JointRange, ...] = ((self._q_start - width_rad, self._q_start + width_rad),)
         for run in self._runs:
-            tubes = run.tracked(response, starts)
+            tubes = run.tubes_for(response, starts)
             yield run, tubes
             starts = tubes.starts
 
 
 def _advice(response: Response, speed: float | None) -> str:
+    """Advice on a failure, by the result of a search for a speed."""
     if speed is None:
-        return f"; no speed of at least {SPEED_STEP:g} was found that passes"
+        return f"; no passing speed of at least {SPEED_STEP:g} was found"
     return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"
 
 
@@ -193,16 +215,16 @@ def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
         )
 
 
-def _amount(given: object, name: str) -> float:
-    value = finite_scalar(given, name, ResponseError)
-    if value < 0.0:
-        raise ResponseError(f"{name} must not be negative, got {value:g}")
-    return value
+def _not_negative(value: object, name: str) -> float:
+    number = finite_scalar(value, name, ResponseError)
+    if number < 0.0:
+        raise ResponseError(f"{name} must not be negative, got {number:g}")
+    return number
 
 
-def _rates(given: ArrayLike) -> FloatArray:
+def _rates(values: ArrayLike) -> FloatArray:
     """A read-only copy of speeds, which may be infinite."""
-    rates = float_array(given, "rate_rad_s", TaskError)
+    rates = float_array(values, "rate_rad_s", TaskError)
     rates.setflags(write=False)
     return rates
 
@@ -224,7 +246,7 @@ class TrackingProof:
         failure: why it is not proven, in a sentence; None where it is.
 
     Raises:
-        TaskError: when a value is of another class.
+        TaskError: when a value has the wrong type.
     """
 
     response: Response
@@ -255,6 +277,28 @@ class TrackingProof:
         if self.failure is not None:
             return count(len(self.moves), "move"), sentence(self.failure)
         return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
+
+
+def _proof_of(
+    response: Response,
+    required: TrackingRequirements,
+    *,
+    moves: tuple[MoveTracking, ...] = (),
+    rate_rad_s: FloatArray | None = None,
+    greatest_speed: float | None = None,
+    failure: str | None = None,
+) -> TrackingProof:
+    """The proof of a plan under given requirements."""
+    return TrackingProof(
+        response=response,
+        moves=moves,
+        margin_m=required.margin_m,
+        most_off_m=required.max_deviation_m,
+        start_rad=required.start_rad,
+        rate_rad_s=np.zeros(7) if rate_rad_s is None else rate_rad_s,
+        greatest_speed=greatest_speed,
+        failure=failure,
+    )
 
 
 def _move_line(move: MoveTracking) -> str:

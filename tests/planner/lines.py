@@ -13,7 +13,7 @@ from hypothesis import assume
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.validation import FloatArray
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
-from planner.motion.straight_line import STRICT
+from planner.motion.straight_line import DEFAULT_TOLERANCE
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15
@@ -50,7 +50,7 @@ def drawn_move(
     seed: int,
     limits: JointLimits | None = None,
     longest_m: float = 0.15,
-    line_tolerance: LineTolerance = STRICT,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
 ) -> tuple[Trajectory, StraightLine]:
     """A straight move from anywhere, in any direction, with a turn or without, and its line."""
     rng = np.random.default_rng(seed)

@@ -70,12 +70,12 @@ def bent_to(sketch: Sketch, q_end: FloatArray, duration_s: float) -> Sketch:
 
 
 def _eased(t: FloatArray) -> FloatArray:
-    """From 0 to 1, at rest at both ends."""
+    """Fractions from 0 to 1, at rest at both ends."""
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
 class LineFollowed(NamedTuple):
-    """How far an arm can follow a line.
+    """The part of a line that an arm can follow.
 
     Attributes:
         qs: configurations at the requested fractions, as far as reached, shape (7,) each, rad.
@@ -96,7 +96,7 @@ def follow(
     Newton's method with least-norm steps (Whitney, "Resolved motion rate control of manipulators
     and human prostheses", 1969); joints that reach a limit are held there.
     """
-    found: list[FloatArray] = []
+    configurations: list[FloatArray] = []
     at = 0.0
     for s in fractions:
         to = s
@@ -107,9 +107,9 @@ def follow(
             elif to - at > MIN_STRIDE:
                 to = (at + to) / 2.0
             else:
-                return LineFollowed(found, at, q)
-        found.append(q)
-    return LineFollowed(found, at, q)
+                return LineFollowed(configurations, at, q)
+        configurations.append(q)
+    return LineFollowed(configurations, at, q)
 
 
 def _corrected(
@@ -131,7 +131,7 @@ def _corrected(
 
 
 def guess_between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:
-    """From the end of one motion to the start of another, by cubics."""
+    """A guess from the end of one motion to the start of another, by cubics."""
     q0, q1 = before.q[-1], after.q[0]
     v_ends = np.array([before.v_ends[1], after.v_ends[0]])
     duration_s = TRANSFER_SLACK * float(rest_to_rest_s(q1 - q0, limits))

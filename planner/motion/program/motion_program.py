@@ -51,6 +51,18 @@ SHORTFALL_PER_M, MAX_SHORTFALL_M = 20.0, 0.3
 """Cost of a metre of missing clearance in an interval, in the same units, and the maximum
 shortfall."""
 
+EXTRA_MARGIN_M, MARGIN_TOLERANCE_M = 0.005, 0.002
+"""Distance to obstacles in addition to the required one, and how much of it may be missing in a
+motion that is tried: distances are bounded at some times only, and those of hulls."""
+
+MAX_ROUNDS, TRUST_RAD, TRUST_DECAY = 10, 0.4, 0.7
+"""Maximum number of rounds; maximum change of a control since the bounds were computed, and the
+factor of its reduction in each of the last half of the rounds."""
+
+MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
+"""Maximum number of rounds without a clear motion, and maximum number of failures; and share of its
+duration by which a clear motion must change for another round."""
+
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
@@ -95,15 +107,15 @@ class MotionProgram:
         self.phases = tuple(phases)
         self._unknowns = Unknowns.of(self.phases, joints)
         x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases, joints)
-        made = (
+        parts = (
             make(self.phases, self._unknowns, x, numbers)
             for make in (spline_rows, line_rows, speed_rows, height_rows)
         )
-        rows = [each for each in made if each is not None]
+        rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
         self._rows = _RowFunctions.of(rows, x, numbers.all)
         self._one_at_a_time = threading.Lock()  # the solver's status is that of its last call
-        self._solver = self._made(None)
+        self._solver = self._solver_with(None)
 
     def solve(
         self,
@@ -127,20 +139,23 @@ class MotionProgram:
         numbers = numbers_of(task, arm, limits, unit_s)
         x0 = self._start(guess, task, arm, unit_s).clip(low, high)
         bounds = {"lbx": low, "ubx": high, "lbg": self._low, "ubg": self._high}
-        given = {"x0": x0, "p": numbers, **bounds}
+        inputs = {"x0": x0, "p": numbers, **bounds}
         if clearances is None:
             with self._one_at_a_time:
-                x = _answer(self._solver, given)
+                x = _answer(self._solver, inputs)
         else:
             rows = clearance_rows(self._unknowns, clearances.bounds, np.concatenate(ends_of(task)))
-            x = _answer(self._made(rows), given | self._kept(given, clearances.trust_rad, rows))
+            x = _answer(
+                self._solver_with(rows),
+                inputs | self._inputs_with(inputs, clearances.trust_rad, rows),
+            )
         if x is None:
             return None
         x = x[: self._unknowns.count]
         x[self._unknowns.durations] *= unit_s
         return self._motions(x, task, limits)
 
-    def _made(self, clear: ClearanceRows | None) -> ca.Function:
+    def _solver_with(self, clear: ClearanceRows | None) -> ca.Function:
         """The solver, built in a hundredth of a second, with or without rows of clearance."""
         more = 0 if clear is None else clear.shortfalls
         matrix = ca.DM(0, self._unknowns.count) if clear is None else clear.matrix
@@ -152,24 +167,24 @@ class MotionProgram:
         jacobian = ca.horzcat(self._rows.jacobian(motion, p), ca.MX(len(self._low), more))
         multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
         hessian = self._rows.hessian(motion, p, multipliers[: len(self._low)])
-        given = [x, p]
+        inputs = [x, p]
         functions = {
-            "grad_f": ca.Function("grad_f", given, [f, ca.densify(ca.jacobian(f, x).T)]),
-            "jac_g": ca.Function("jac_g", given, [g, ca.vertcat(jacobian, matrix)]),
+            "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
+            "jac_g": ca.Function("jac_g", inputs, [g, ca.vertcat(jacobian, matrix)]),
             "hess_lag": ca.Function(
                 "hess_lag",
-                [*given, weight, multipliers],
+                [*inputs, weight, multipliers],
                 [ca.diagcat(hessian, ca.MX(more, more))],
             ),
         }
         nlp = {"x": x, "p": p, "f": f, "g": g}
         return ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | functions)
 
-    def _kept(
-        self, given: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
+    def _inputs_with(
+        self, inputs: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
     ) -> dict[str, FloatArray]:
         """Changed inputs of the solver with rows of clearance."""
-        x0, low, high = given["x0"], given["lbx"].copy(), given["ubx"].copy()
+        x0, low, high = inputs["x0"], inputs["lbx"].copy(), inputs["ubx"].copy()
         for controls in self._unknowns.controls:
             near = controls[controls < self._unknowns.count]
             low[near] = np.maximum(low[near], x0[near] - trust_rad)
@@ -179,8 +194,8 @@ class MotionProgram:
             "x0": np.concatenate([x0, none]),
             "lbx": np.concatenate([low, none]),
             "ubx": np.concatenate([high, none + MAX_SHORTFALL_M]),
-            "lbg": np.concatenate([given["lbg"], rows.low]),
-            "ubg": np.concatenate([given["ubg"], np.full(len(rows.low), np.inf)]),
+            "lbg": np.concatenate([inputs["lbg"], rows.low]),
+            "ubg": np.concatenate([inputs["ubg"], np.full(len(rows.low), np.inf)]),
         }
 
     def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
@@ -211,15 +226,15 @@ class MotionProgram:
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.line is not None and arm is not None:
                 line = task.lines[phase.line]
-                x[fractions] = [line.nearest(arm.T_base_tip(q)) for q in sketch.q]
+                x[fractions] = [line.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
         return x
 
     def _motions(
         self, x: FloatArray, task: MotionTask, limits: JointLimits
     ) -> tuple[Trajectory, ...]:
         """The motions of a solution, slowed down by any violation of the limits due to rounding."""
-        known = np.concatenate([x, *ends_of(task)])
-        controls = [known[where] for where in self._unknowns.controls]
+        angles = np.concatenate([x, *ends_of(task)])
+        controls = [angles[where] for where in self._unknowns.controls]
         durations = x[self._unknowns.durations]
         splines = list(zip(controls, durations.tolist(), strict=True))
         peaks = np.max([trajectory_of(c, t, limits).peak_ratios() for c, t in splines], axis=0)
@@ -244,33 +259,21 @@ class _RowFunctions(NamedTuple):
         each_part = zip(rows, parts, strict=True)
         start = ca.MX(x.shape[0], x.shape[0])
         hessian = sum((each.hessian(part) for each, part in each_part), start=start)
-        given = [x, numbers]
+        inputs = [x, numbers]
         return cls(
-            ca.Function("rows", given, [ca.vertcat(*(each.g for each in rows))]),
-            ca.Function("jacobian", given, [ca.vertcat(*(each.jacobian for each in rows))]),
-            ca.Function("hessian", [*given, multipliers], [hessian]),
+            ca.Function("rows", inputs, [ca.vertcat(*(each.g for each in rows))]),
+            ca.Function("jacobian", inputs, [ca.vertcat(*(each.jacobian for each in rows))]),
+            ca.Function("hessian", [*inputs, multipliers], [hessian]),
             int(numbers.shape[0]),
         )
 
 
-def _answer(solver: ca.Function, given: Mapping[str, FloatArray]) -> FloatArray | None:
+def _answer(solver: ca.Function, inputs: Mapping[str, FloatArray]) -> FloatArray | None:
     """The solution of a solver; None where it fails."""
-    answer = solver(**given)
-    found: FloatArray = np.array(answer["x"]).ravel()
-    return found if solver.stats()["success"] else None
+    answer = solver(**inputs)
+    x: FloatArray = np.array(answer["x"]).ravel()
+    return x if solver.stats()["success"] else None
 
-
-EXTRA_MARGIN_M, MARGIN_TOLERANCE_M = 0.005, 0.002
-"""Distance to obstacles in addition to the required one, and how much of it may be missing in a
-motion that is tried: distances are bounded at some times only, and those of hulls."""
-
-MAX_ROUNDS, TRUST_RAD, TRUST_DECAY = 10, 0.4, 0.7
-"""Maximum number of rounds; maximum change of a control since the bounds were computed, and the
-factor of its reduction in each of the last half of the rounds."""
-
-MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
-"""The search ends without a clear motion after so many rounds, or with more failures than this; and
-with a clear one when its duration changes by less than this share."""
 
 Motions: TypeAlias = tuple[Trajectory, ...]
 """One for each phase of a program."""
@@ -297,7 +300,7 @@ def led_around(
         sketches: of each phase, clear or not.
         enough_s: no faster motion than this is sought.
     """
-    found: list[Motions] = []
+    clear_motions: list[Motions] = []
     failures, trust_rad, bounds = 0, TRUST_RAD, _bounds(obstacles, sketches)
     for number in range(1, MAX_ROUNDS + 1):
         led = solve(sketches, Clearances(bounds, trust_rad))
@@ -309,20 +312,22 @@ def led_around(
             sketches = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
             bounds = _bounds(obstacles, sketches)
             if min(each.excess_m for each in bounds) > -MARGIN_TOLERANCE_M:
-                found.insert(0, led)
-        is_hopeless = failures > MAX_FAILURES or (number >= MAX_ROUNDS_TO_CLEAR and not found)
-        if is_hopeless or (led is not None and _is_good(found, enough_s)):
+                clear_motions.insert(0, led)
+        is_hopeless = failures > MAX_FAILURES or (
+            number >= MAX_ROUNDS_TO_CLEAR and not clear_motions
+        )
+        if is_hopeless or (led is not None and _is_good(clear_motions, enough_s)):
             break
-    return found
+    return clear_motions
 
 
 def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[LinearBounds]:
     return [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
 
 
-def _is_good(found: Sequence[Motions], enough_s: float) -> bool:
+def _is_good(clear_motions: Sequence[Motions], enough_s: float) -> bool:
     """Whether the last motions are fast enough, or hardly faster than the previous ones."""
-    times = [sum(motion.duration for motion in motions) for motions in found[:2]]
+    times = [sum(motion.duration for motion in motions) for motions in clear_motions[:2]]
     if times and times[0] <= enough_s:
         return True
     return len(times) == 2 and abs(times[1] - times[0]) < SETTLED * times[0]

@@ -106,24 +106,24 @@ def _joined(
 ) -> list[_Terms]:
     """A row for each joint and order: the end of a phase minus the start of the next."""
     before, after = controls[phase][-3:].T, controls[phase + 1][:3].T
-    joints, found = len(before), []
+    joints, terms = len(before), []
     one = np.full(joints, 3 * joints)
     for order, weights in enumerate(AT_KNOT):
         rows = first + joints * order + np.arange(joints)
         end, start = (weights * count**order for count in intervals)
-        found.append(_Terms.of(rows, (phase, order), one, before, end))
-        found.append(_Terms.of(rows, (phase + 1, order), one, after, -start))
-    return found
+        terms.append(_Terms.of(rows, (phase, order), one, before, end))
+        terms.append(_Terms.of(rows, (phase + 1, order), one, after, -start))
+    return terms
 
 
 def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
     """A row for each joint: the initial position minus the given one."""
     joint = np.arange(unknowns.joints)
     rows, one = first + joint, np.full_like(joint, 3 * len(joint))
-    given = unknowns.count + joint[:, None]
+    initial = unknowns.count + joint[:, None]
     return [
         _Terms.of(rows, (0, 0), one, unknowns.controls[0][:3].T, AT_KNOT[0]),
-        _Terms.of(rows, (0, 0), one, given, np.full(1, -1.0)),
+        _Terms.of(rows, (0, 0), one, initial, np.full(1, -1.0)),
     ]
 
 
@@ -188,9 +188,9 @@ class SparseSum:
         self, rows: Indices, columns: Indices, entries: Indices, weights: FloatArray | float = 1.0
     ) -> None:
         """Add entries by their numbers; the shapes of all arguments are broadcast."""
-        given = np.broadcast_arrays(rows, columns, entries)
-        each = np.broadcast_to(np.asarray(weights, dtype=np.float64), given[0].shape)
-        self._parts.append((*(numbers.ravel() for numbers in given), each.ravel()))  # type: ignore[arg-type]
+        indices = np.broadcast_arrays(rows, columns, entries)
+        factors = np.broadcast_to(np.asarray(weights, dtype=np.float64), indices[0].shape)
+        self._parts.append((*(each.ravel() for each in indices), factors.ravel()))  # type: ignore[arg-type]
 
     def matrix(self, entries: ca.MX, shape: tuple[int, int], *, is_upper: bool = False) -> ca.MX:
         """The sparse matrix; entries outside its shape are dropped.
@@ -272,15 +272,15 @@ def clearance_rows(
     slopes, offsets = numbers[interval, pair, :-1], numbers[interval, pair, -1]
     entries = weights[interval][:, :, None] * slopes[:, None, :]
     where = columns[interval]
-    known = where >= unknowns.count
-    at_ends = np.where(known, q_ends[np.where(known, where - unknowns.count, 0)], 0.0)
+    is_fixed = where >= unknowns.count
+    at_ends = np.where(is_fixed, q_ends[np.where(is_fixed, where - unknowns.count, 0)], 0.0)
     low = -offsets - (entries * at_ends).sum(axis=(1, 2))
     row = np.broadcast_to(np.arange(len(interval))[:, None, None], where.shape)
     size = len(interval), unknowns.count + len(numbers)
     matrix = constant(
-        np.concatenate([row[~known], np.arange(len(interval))]),
-        np.concatenate([where[~known], unknowns.count + interval]),
-        np.concatenate([entries[~known], np.ones(len(interval))]),
+        np.concatenate([row[~is_fixed], np.arange(len(interval))]),
+        np.concatenate([where[~is_fixed], unknowns.count + interval]),
+        np.concatenate([entries[~is_fixed], np.ones(len(interval))]),
         size,
     )
     return ClearanceRows(matrix, low, len(numbers))

@@ -44,13 +44,13 @@ class _Knot(NamedTuple):
     is_exact: bool = False
 
 
-class _Asked(NamedTuple):
-    """Constraints at some knots.
+class _Constraints(NamedTuple):
+    """Constraints on the tip at some knots.
 
     Attributes:
         knots: where.
         functions: of the controls there.
-        given: numbers of each knot, a column for each.
+        parameters: numbers of each knot, a column for each.
         scale: factors of the values, a column for each.
         low: lower bounds of the products, concatenated.
         high: upper bounds, likewise.
@@ -58,7 +58,7 @@ class _Asked(NamedTuple):
 
     knots: Sequence[_Knot]
     functions: NodeFunctions
-    given: ca.MX
+    parameters: ca.MX
     scale: ca.MX
     low: FloatArray
     high: FloatArray
@@ -80,11 +80,13 @@ def line_rows(
     ]
     if not knots:
         return None
-    given = ca.horzcat(*(numbers.lines[knot.number] for knot in knots))
+    parameters = ca.horzcat(*(numbers.lines[knot.number] for knot in knots))
     share = ca.vertcat(*[1 / numbers.tolerance[0]] * 3, *[1 / numbers.tolerance[1]] * 3)
     scale = ca.horzcat(*(ca.MX.ones(6) if knot.is_exact else share for knot in knots))
     high = np.repeat([0.0 if knot.is_exact else 1.0 for knot in knots], 6)
-    return _rows(_Asked(knots, on_line(), given, scale, -high, high), unknowns, x, numbers)
+    return _rows(
+        _Constraints(knots, on_line(), parameters, scale, -high, high), unknowns, x, numbers
+    )
 
 
 def height_rows(
@@ -97,10 +99,10 @@ def height_rows(
     ]
     if not knots:
         return None
-    given = numbers.heights[[knot.number for knot in knots]].T
+    parameters = numbers.heights[[knot.number for knot in knots]].T
     low, high = np.zeros(len(knots)), np.full(len(knots), np.inf)
-    asked = _Asked(knots, above(), given, ca.MX.ones(1, len(knots)), low, high)
-    return _rows(asked, unknowns, x, numbers)
+    constraints = _Constraints(knots, above(), parameters, ca.MX.ones(1, len(knots)), low, high)
+    return _rows(constraints, unknowns, x, numbers)
 
 
 def speed_rows(
@@ -116,21 +118,21 @@ def speed_rows(
     if not ends:
         return None
     knots = [_Knot(k, i, 0, is_exact=True) for k, i, _ in ends]
-    given = ca.horzcat(*(ca.vertcat(numbers.lines[0], rates) for _, _, rates in ends))
+    parameters = ca.horzcat(*(ca.vertcat(numbers.lines[0], rates) for _, _, rates in ends))
     high = np.zeros(12 * len(ends))
-    asked = _Asked(knots, moving(), given, ca.MX.ones(12, len(ends)), high, high)
-    return _rows(asked, unknowns, x, numbers)
+    constraints = _Constraints(knots, moving(), parameters, ca.MX.ones(12, len(ends)), high, high)
+    return _rows(constraints, unknowns, x, numbers)
 
 
-def _rows(asked: _Asked, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
+def _rows(constraints: _Constraints, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
     """The products, with derivatives by the controls and fractions."""
-    functions, scale, count = asked.functions, asked.scale, len(asked.knots)
+    functions, scale, count = constraints.functions, constraints.scale, len(constraints.knots)
     size, inputs = functions.value.size1_out(0), functions.value.size1_in(0)
-    columns, weights = _inputs(asked.knots, unknowns, inputs)
+    columns, weights = _inputs(constraints.knots, unknowns, inputs)
     y = ca.vertcat(x, numbers.q_ends)
     rows = np.repeat(np.arange(count * inputs), columns.shape[2])
     sums = constant(rows, columns.ravel(), weights.ravel(), (count * inputs, y.shape[0]))
-    arguments = ca.reshape(sums @ y, inputs, count), asked.given, numbers.geometry
+    arguments = ca.reshape(sums @ y, inputs, count), constraints.parameters, numbers.geometry
 
     def mapped(function: ca.Function) -> ca.Function:
         return function.map(f"{function.name()}_{count}", "serial", count, [2], [])
@@ -145,8 +147,8 @@ def _rows(asked: _Asked, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows
 
     return Rows(
         ca.vec(value(*arguments) * scale),
-        asked.low,
-        asked.high,
+        constraints.low,
+        constraints.high,
         jacobian.matrix(ca.vec(first(*arguments)) * scales, (count * size, unknowns.count)),
         second_derivatives,
     )
@@ -217,13 +219,13 @@ class NodeFunctions:
     @classmethod
     def of(cls, name: str, e: ca.SX, z: ca.SX, numbers: ca.SX, geometry: ca.SX) -> NodeFunctions:
         """Differentiate an expression."""
-        given, multipliers = [z, numbers, geometry], ca.SX.sym("multipliers", e.numel())
+        inputs, multipliers = [z, numbers, geometry], ca.SX.sym("multipliers", e.numel())
         hessian, _ = ca.hessian(ca.dot(multipliers, e), z)
         options = {"cse": True}
         return cls(
-            ca.Function(name, given, [e], options),
-            ca.Function(f"{name}_first", given, [ca.densify(ca.jacobian(e, z))], options),
-            ca.Function(f"{name}_second", [*given, multipliers], [ca.densify(hessian)], options),
+            ca.Function(name, inputs, [e], options),
+            ca.Function(f"{name}_first", inputs, [ca.densify(ca.jacobian(e, z))], options),
+            ca.Function(f"{name}_second", [*inputs, multipliers], [ca.densify(hessian)], options),
         )
 
 

@@ -62,8 +62,8 @@ class Unknowns:
             controls.append(np.concatenate([begin, inner, end]))
             durations.append(int(new(1)[0]))
             fractions.append(None if phase.line is None else new(phase.intervals + 1))
-        known = count + 2 * joints
-        placed = tuple(np.where(where < 0, where + known, where) for where in controls)
+        total = count + 2 * joints  # with the angles of start and goal
+        placed = tuple(np.where(where < 0, where + total, where) for where in controls)
         return cls(count, placed, np.array(durations), tuple(fractions))
 
     @property

@@ -68,7 +68,7 @@ def test_what_two_phases_join_is_joined_directly_and_no_slower(
     found = direct(start, goal, rates)
     assert found is not None
     assert_ends_at(found, start, goal)
-    assert rates.least_s(start, goal) <= found.duration * (1 + ROUNDING)
+    assert rates.min_duration_s(start, goal) <= found.duration * (1 + ROUNDING)
     assert found.duration <= profile.duration + 1e-9
 
 

@@ -43,8 +43,8 @@ def test_each_joint_may_have_its_own() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"lag_s": (0.5, 0.3)}, "least and greatest"),
-        ({"lag_s": (-0.1, 0.3)}, "least and greatest"),
+        ({"lag_s": (0.5, 0.3)}, "minimum and maximum"),
+        ({"lag_s": (-0.1, 0.3)}, "minimum and maximum"),
         ({"lag_s": (300.0, 500.0)}, "from 0 to 5 s"),
         ({"lag_s": 0.4}, "shape"),
         ({"lag_s": (0.3, float("nan"))}, "finite"),

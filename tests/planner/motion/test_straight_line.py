@@ -1,4 +1,4 @@
-"""Poses along a line: slerp, and every way of not being a line."""
+"""Poses along a line: slerp, deviations, tolerances, and refused poses."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from planner import (
 )
 from planner.errors import MotionError
 from planner.motion.straight_line import (
+    DEFAULT_TOLERANCE,
     HALF_TURN_MARGIN_RAD,
     MAX_FRACTION,
     MAX_INTERVAL_M,
@@ -31,7 +32,6 @@ from planner.motion.straight_line import (
     MIN_LENGTH,
     MIN_TOLERANCE_M,
     MIN_TOLERANCE_RAD,
-    STRICT,
     intervals_of,
     is_on_line,
     knot_tolerance,
@@ -155,16 +155,16 @@ def test_no_line_leads_farther_than_is_measured(far_m: float) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_how_far_tips_are_off_is_told_for_many_at_once(seed: int) -> None:
+def test_deviations_of_many_tips_are_those_from_the_nearest_pose(seed: int) -> None:
     rng = np.random.default_rng(seed)
     start, goal, *tips = (
         pin.SE3(pin.exp3(scale * rng.normal(size=3)), scale * rng.normal(size=3))
         for scale in (0.3, 0.3, 1e-6, 1e-3, 0.1, 1.0)
     )
     line = StraightLine(start, goal)
-    off_m, off_rad = line.off(np.array([(start * tip).homogeneous for tip in tips]))
+    off_m, off_rad = line.deviations(np.array([(start * tip).homogeneous for tip in tips]))
     for tip, metres, radians in zip(tips, off_m, off_rad, strict=True):
-        there = line.at(line.nearest(start * tip))
+        there = line.at(line.nearest_fraction(start * tip))
         assert metres == pytest.approx(
             np.linalg.norm((start * tip).translation - there.translation), abs=1e-12
         )
@@ -181,7 +181,7 @@ def test_numbers_that_are_none_raise(bad: Any) -> None:
         LineTolerance(1e-3, bad)
 
 
-FEWEST = 4
+MIN_INTERVALS = 4
 
 
 tolerances = st.builds(
@@ -225,8 +225,8 @@ def test_a_tip_ahead_on_its_line_is_not_turned_by_more_than_it_may_be(
 def test_no_interval_of_a_line_is_longer_than_the_longest(
     tolerance: LineTolerance, length_m: float, angle_rad: float
 ) -> None:
-    count = intervals_of(line(length_m, angle_rad), tolerance, FEWEST)
-    assert count >= FEWEST
+    count = intervals_of(line(length_m, angle_rad), tolerance, MIN_INTERVALS)
+    assert count >= MIN_INTERVALS
     assert length_m / count <= MAX_INTERVAL_M * (1.0 + ROUNDING)
     assert angle_rad / count <= MAX_INTERVAL_RAD * (1.0 + ROUNDING)
 
@@ -236,12 +236,15 @@ def test_a_tighter_tolerance_has_no_fewer_intervals(
     tolerance: LineTolerance, wider: float, length_m: float
 ) -> None:
     loose = LineTolerance(wider * tolerance.position_m, wider * tolerance.rotation_rad)
-    tight = intervals_of(line(length_m), tolerance, FEWEST)
-    assert tight >= intervals_of(line(length_m), loose, FEWEST)
+    tight = intervals_of(line(length_m), tolerance, MIN_INTERVALS)
+    assert tight >= intervals_of(line(length_m), loose, MIN_INTERVALS)
 
 
 def test_lines_of_all_lengths_have_few_numbers_of_intervals() -> None:
-    counts = {intervals_of(line(length_m), STRICT, FEWEST) for length_m in np.linspace(0, 1, 500)}
+    counts = {
+        intervals_of(line(length_m), DEFAULT_TOLERANCE, MIN_INTERVALS)
+        for length_m in np.linspace(0, 1, 500)
+    }
     assert counts == {*range(4, 21, 2), *range(30, 101, 10)}
 
 
@@ -250,8 +253,8 @@ def test_a_straight_move_is_on_its_line_and_a_joint_move_is_not(left: Arm) -> No
     straight = plan_straight_move(left, q, goal, left.limits)
     bent = plan_joint_move(q, straight.q_goal, left.limits)
     way = StraightLine(left.T_base_tip(q), goal)
-    assert is_on_line(left, way, straight, STRICT)
-    assert not is_on_line(left, way, bent, STRICT)
+    assert is_on_line(left, way, straight, DEFAULT_TOLERANCE)
+    assert not is_on_line(left, way, bent, DEFAULT_TOLERANCE)
 
 
 @pytest.mark.parametrize(("position_m", "is_wide"), [(0.001, False), (0.1, True)])

@@ -70,7 +70,7 @@ def test_every_limit_is_kept(cycle: Cycle, left: Arm) -> None:
 def stopping(manipulator: Manipulator, scene: Scene) -> Cycle:
     """The same, one motion at a time."""
     request = request_of(manipulator, *scene)
-    contexts = PhaseMaker(request, TASK).made().contexts
+    contexts = PhaseMaker(request, TASK).phases().contexts
     cycle, _ = StoppingCycles(request, TASK, contexts).of(*pair_of(manipulator))
     return cycle
 
@@ -119,7 +119,7 @@ def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator
 def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, CollisionContext]:
     """A wall between pick and place, which the fastest cycle runs through."""
     wall = Body("wall", (Part(Box((0.3, 0.02, 0.2)), at(0, 0, 0)),), at(0.72, 0.075, -0.055))
-    return PhaseMaker(request_of(manipulator, *scene, wall), TASK).made().contexts
+    return PhaseMaker(request_of(manipulator, *scene, wall), TASK).phases().contexts
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def test_nothing_comes_of_a_place_that_is_covered(
     x, y, z = PLACE.translation.tolist()
     lid = Body("lid", (Part(Box((0.4, 0.4, 0.02)), at(0, 0, 0)),), at(x, y, z + 0.2))
     maker = PhaseMaker(request_of(manipulator, *scene, lid), TASK)
-    assert not program_of(manipulator).around(cycle, maker.made().contexts)
+    assert not program_of(manipulator).around(cycle, maker.phases().contexts)
 
 
 def test_a_cycle_is_much_shorter_than_one_that_stops_above_pick_and_place(
@@ -166,7 +166,7 @@ def test_a_cycle_is_much_shorter_than_one_that_stops_above_pick_and_place(
     start = manipulator.arm.start
     nearest = (manipulator.ik.solve(T, current=start).q for T in (PICK, PLACE))
     request = PlanRequest(manipulator, scene, start)
-    cycles = StoppingCycles(request, TASK, PhaseMaker(request, TASK).made().contexts)
+    cycles = StoppingCycles(request, TASK, PhaseMaker(request, TASK).phases().contexts)
     assert plan.motion_time_s <= 0.85 * cycles.of(*nearest)[0].duration_s
 
 
@@ -177,7 +177,7 @@ def cycles(manipulator: Manipulator, scene: Scene) -> StoppingCycles:
 
 def cycles_of(manipulator: Manipulator, scene: Scene, task: PickAndPlace) -> StoppingCycles:
     request = PlanRequest(manipulator, scene, manipulator.arm.start)
-    return StoppingCycles(request, task, PhaseMaker(request, task).made().contexts)
+    return StoppingCycles(request, task, PhaseMaker(request, task).phases().contexts)
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def test_it_takes_as_long_as_its_motions_together(stopped: Cycle) -> None:
 def test_every_motion_is_clear_in_its_situation(
     stopped: Cycle, manipulator: Manipulator, scene: Scene
 ) -> None:
-    contexts = PhaseMaker(PlanRequest(manipulator, scene, manipulator.arm.start), TASK).made()
+    contexts = PhaseMaker(PlanRequest(manipulator, scene, manipulator.arm.start), TASK).phases()
     for stage, motion in stopped.by_stage.items():
         assert contexts.contexts[stage].prove(motion).is_clear, stage
 

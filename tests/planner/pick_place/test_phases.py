@@ -146,7 +146,9 @@ def phases(manipulator: Manipulator, scene: Scene) -> Phases:
 def made(
     manipulator: Manipulator, scene: Scene, task: PickAndPlace = TASK, margin_m: float = 0.0
 ) -> Phases:
-    return PhaseMaker(PlanRequest(manipulator, scene, manipulator.arm.start, margin_m), task).made()
+    return PhaseMaker(
+        PlanRequest(manipulator, scene, manipulator.arm.start, margin_m), task
+    ).phases()
 
 
 def test_each_move_has_a_situation(phases: Phases) -> None:
@@ -325,7 +327,7 @@ def refuse(
     manipulator: Manipulator, scene: Scene, task: PickAndPlace = TASK, margin_m: float = 0.0
 ) -> PlanFailure | None:
     request = PlanRequest(manipulator, scene, manipulator.arm.start, margin_m)
-    contexts = PhaseMaker(request, task).made().contexts
+    contexts = PhaseMaker(request, task).phases().contexts
     try:
         refuse_blocked_hand(task, contexts)
     except NoSolutionError as stop:
@@ -357,7 +359,7 @@ def test_a_margin_that_a_pose_does_not_leave_is_told(
     assert failure is not None
     assert failure.stage == "pick: descend"
     assert failure.reason.endswith(
-        "finger_tip is 22.1 mm from table at the pose, and 25.0 mm are asked for"
+        "finger_tip is 22.1 mm from table at the pose, and 25.0 mm are required"
     )
     assert failure.contact is not None
     assert failure.contact.needed_m == 0.025

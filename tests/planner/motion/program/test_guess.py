@@ -88,7 +88,7 @@ def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
     found = guess_along(left, left.limits, q, down, INTERVALS, ends_at_rest=ends_at_rest)
     assert isinstance(found, Sketch)
     assert found.intervals == INTERVALS
-    off_m, off_rad = down.off(left.T_base_tips(found.q))
+    off_m, off_rad = down.deviations(left.T_base_tips(found.q))
     assert off_m.max() <= ROUNDING
     assert off_rad.max() <= ARC_COSINE_RAD
     np.testing.assert_array_equal(found.q[0], q)

@@ -1,0 +1,208 @@
+"""PathDeviation: the distance of a hand from its planned path.
+
+**Definition.** The hand deviates by at most d if, for some time on the path, each of its points is
+within d of where it should be at that time. A lag of the arm along its path is therefore not a
+deviation from it.
+
+**Points in a box.** Let the joints be anywhere in a box, c + x with |x_i| <= w_i. A point of the
+hand is then at p(c) + J(c) x, up to a remainder of at most
+sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j): let the joints turn one after the other, starting at the
+base. When joint i turns, those beyond it are still at c, so p moves by
+R_i (Rot(z_i, x_i) - 1)(p - o_i), where R_i is the rotation of the joints before it. With the lever
+arm r_i of p, that is x_i z_i x (p - o_i) up to x_i^2 r_i / 2, by Taylor, and up to |x_i| r_i times
+the angle of R_i, which is at most the sum of |x_j| over the joints before i.
+
+**Chords.** The path is sampled. Take two samples around the nearest one, and the chord between them
+for each point. For a fraction f in [0, 1] of the chord that is linear in x, the difference
+p(c) + J x - chord(f(x)) is linear in x, so its length is greatest at one of the 2^7 corners of the
+box; and it is linear in the point, so it is greatest at a corner of a box around the hand. The
+chord itself deviates from the path by at most the deviation of the path's own points, taken at the
+fraction of the tip's: as that fraction covers 0 to 1 without a gap, each fraction belongs to a time
+on the path. Several chords are tried and the smallest bound is kept.
+
+**Between samples.** The deviation of the path from a chord is computed at samples. It is no greater
+on the straight lines from one sample to the next, where it is linear. From these lines a point of
+the path deviates by at most max |p''| dt^2 / 8, the error of linear interpolation over a step dt.
+As p' = sum_i v_i z_i x (p - o_i), and joint i turns the lever arms of all joints j >= i,
+
+    p'' = sum_i a_i z_i x (p - o_i) + sum_i sum_j v_i v_j z_k x (z_l x (p - o_l)),
+
+with k = min(i, j) and l = max(i, j). So |p''| <= R (sum_i |a_i| + (sum_i |v_i|)^2), where R is the
+maximum distance of p from any axis at any joint angles. It is at most the length of the links after
+the first joint, each from one joint's origin to the next, and from the last one to p.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from baxter_kin import Arm
+from baxter_kin.validation import FloatArray, Indices, finite_array
+from planner.collision.tube_proof import JointTube
+from planner.errors import MotionError
+from planner.trajectory import Trajectory
+
+SAMPLE_S = 2e-3
+"""Plan time between two samples of a path."""
+
+CHORD_HALF_SPANS = (0, 5, 20, 60)
+"""Number of samples from the middle of a chord to either end."""
+
+CELLS_PER_GROUP = 2
+"""Number of neighbouring cells of a tube that share one bound."""
+
+MIN_CHORD_SQUARE_M2 = 1e-18
+"""Minimum square of a chord's length where fractions are divided by it: (1 nm)^2."""
+
+MIN_FRACTION_RANGE = 1e-18
+"""Minimum divisor for the range of the fractions of a chord in a box, a pure number."""
+
+MIN_REACH_M = 2.0
+"""Minimum assumed value of R. The tip of a Baxter is within 1.42 m of all axes, so this holds for
+all points within 0.58 m of it; the value is larger only for bodies that are longer."""
+
+
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
+"""Signs of the corners of a box of seven joints, shape (128, 7)."""
+
+CORNERS.setflags(write=False)
+
+TIP = np.zeros((1, 3))
+"""The tip alone, in its own frame, shape (1, 3), m."""
+
+TIP.setflags(write=False)
+
+
+class PathDeviation:
+    """Bounds on the deviation of a hand from the path of one motion.
+
+    Attributes:
+        between_m: maximum deviation of the path from the straight line between two neighbouring
+            samples, for all points.
+    """
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, points_tip: FloatArray = TIP) -> None:
+        """Sample the path.
+
+        Args:
+            arm: the arm that moves.
+            trajectory: the motion.
+            points_tip: points whose convex hull contains the relevant part of the hand, in the
+                tip's frame, shape (k, 3), m.
+
+        Raises:
+            MotionError: when the points have another shape or are not finite.
+        """
+        points_tip = finite_array(points_tip, (len(points_tip), 3), "points_tip", MotionError)
+        self._chain = arm.chain
+        joints = self._chain.poses(np.zeros((1, 7)))[0]
+        self._T_wrist_tip = np.linalg.inv(joints[-1]) @ arm.T_base_tip(np.zeros(7)).homogeneous
+        self._points = np.concatenate([TIP, points_tip])  # the tip itself comes first
+        count = 1 + int(np.ceil(trajectory.duration / SAMPLE_S))
+        times = np.linspace(0.0, trajectory.duration, max(2, count))
+        state = trajectory.sample(times)
+        self._path = self._placed(self._chain.poses(state.q))  # samples, points, 3
+        self._bends = {
+            half_span: np.full(len(self._path), np.nan) for half_span in CHORD_HALF_SPANS
+        }
+        peak_v = np.concatenate([trajectory.v, trajectory.turning_velocities])
+        acceleration = max(
+            MIN_REACH_M * _bend(state.v, trajectory.a),
+            self._reach_m(joints) * _bend(peak_v, trajectory.a),
+        )
+        self.between_m = acceleration * float(times[1] - times[0]) ** 2 / 8
+
+    def in_tube(self, tube: JointTube) -> FloatArray:
+        """Bounds in each cell of a tube, shape (cells,), m; equal in groups of cells."""
+        starts = range(0, tube.cells, CELLS_PER_GROUP)
+        boxes = [tube.hull(first, min(first + CELLS_PER_GROUP, tube.cells)) for first in starts]
+        lows, highs = (np.array(corners) for corners in zip(*boxes, strict=True))
+        return np.repeat(self.in_boxes(lows, highs), CELLS_PER_GROUP)[: tube.cells]
+
+    def in_boxes(self, lows: FloatArray, highs: FloatArray) -> FloatArray:
+        """Bounds in boxes of joint angles, their corners of shape (m, 7), rad; shape (m,), m."""
+        c, w = (lows + highs) / 2, (highs - lows) / 2
+        joints = self._chain.poses(c)
+        z = (joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
+        p = self._placed(joints)
+        offsets = p[:, :, None] - joints[:, None, :, :3, 3]
+        J = np.cross(z[:, None], offsets)  # boxes, points, joints, 3
+        r = np.sqrt(np.einsum("mpjx,mpjx->mpj", J, J).max(axis=1))
+        remainder = (r * w * (w / 2 + np.cumsum(w, axis=1) - w)).sum(axis=1)
+        J *= w[:, None, :, None]
+        tips = self._path[:, 0]
+        nearest = ((tips * tips).sum(axis=1) - 2.0 * p[:, 0] @ tips.T).argmin(axis=1)
+        by_chord = [self._off_chord(nearest, half_span, p, J) for half_span in CHORD_HALF_SPANS]
+        deviations_m: FloatArray = np.min(by_chord, axis=0) + remainder + self.between_m
+        return deviations_m
+
+    def _reach_m(self, joints: FloatArray) -> float:
+        """Upper bound on R, from any poses of the joints, shape (7, 4, 4)."""
+        links_m = np.linalg.norm(np.diff(joints[:, :3, 3], axis=0), axis=1)
+        points = self._points @ self._T_wrist_tip[:3, :3].T + self._T_wrist_tip[:3, 3]
+        return float(links_m.sum() + np.linalg.norm(points, axis=1).max())
+
+    def _placed(self, joints: FloatArray) -> FloatArray:
+        """The points for joint poses of shape (m, 7, 4, 4): (m, k + 1, 3)."""
+        T = joints[:, -1] @ self._T_wrist_tip
+        placed: FloatArray = self._points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+        return placed
+
+    def _off_chord(
+        self, nearest: Indices, half_span: int, p: FloatArray, J: FloatArray
+    ) -> FloatArray:
+        """First-order bounds by one chord in each box, shape (m,).
+
+        Args:
+            nearest: numbers of the nearest samples, shape (m,).
+            half_span: number of samples from these to the ends of the chord.
+            p: points at the centre, shape (m, k + 1, 3).
+            J: their changes from there to the sides of the box, shape (m, k + 1, 7, 3).
+        """
+        begin, chord, along = self._chords(nearest, half_span)
+        fraction = np.einsum("mx,mx->m", p[:, 0] - begin[:, 0], along)
+        rises = np.einsum("mjx,mx->mj", J[:, 0], along)
+        f, fraction_range = np.clip(fraction, 0.0, 1.0), np.abs(rises).sum(axis=1)
+        free = np.minimum(f, 1.0 - f)  # so that f(x) stays in [0, 1] in the whole box
+        share = np.minimum(1.0, free / np.maximum(fraction_range, MIN_FRACTION_RANGE))
+        at_centre = p - begin - f[:, None, None] * chord
+        slopes = J - (share[:, None] * rises)[:, None, :, None] * chord[:, :, None]
+        at_corners = slopes.transpose(0, 3, 1, 2) @ CORNERS.T  # x of all points and corners first
+        at_corners += at_centre.transpose(0, 2, 1)[..., None]
+        at_corners *= at_corners
+        farthest: FloatArray = np.sqrt(at_corners.sum(axis=1).max(axis=(1, 2)))
+        return farthest + self._bent(nearest, half_span)
+
+    def _chords(
+        self, nearest: Indices, half_span: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Chords around samples: start, (m, k + 1, 3), vector to the end, and the tip's direction.
+
+        The last, (m, 3), is divided by the length of the tip's chord: its product with a vector
+        from the start is the fraction of the chord.
+        """
+        first = np.maximum(nearest - half_span, 0)
+        last = np.minimum(nearest + half_span, len(self._path) - 1)
+        begin, chord = self._path[first], self._path[last] - self._path[first]
+        squares = np.maximum((chord[:, 0] ** 2).sum(axis=1), MIN_CHORD_SQUARE_M2)
+        return begin, chord, chord[:, 0] / squares[:, None]
+
+    def _bent(self, nearest: Indices, half_span: int) -> FloatArray:
+        """Deviation of the path from the chords around samples, shape (m,); computed once each."""
+        bends = self._bends[half_span]
+        new = np.unique(nearest[np.isnan(bends[nearest])])
+        begin, chord, along = self._chords(new, half_span)
+        numbers = new[:, None] + np.arange(-half_span, half_span + 1)
+        path = self._path[np.clip(numbers, 0, len(self._path) - 1)] - begin[:, None]
+        fractions = np.einsum("mrx,mx->mr", path[:, :, 0], along)
+        beside = path - fractions[:, :, None, None] * chord[:, None]
+        squares = np.einsum("mrpx,mrpx->mrp", beside, beside)
+        bends[new] = np.sqrt(squares.max(axis=(1, 2)))
+        return bends[nearest]
+
+
+def _bend(v: FloatArray, a: FloatArray) -> float:
+    """Bound on |p''| / R, for velocities and accelerations of shape (m, 7), in 1/s^2."""
+    return float(np.abs(a).max(axis=0).sum()) + float(np.abs(v).max(axis=0).sum()) ** 2
