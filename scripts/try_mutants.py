@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=10, help="how many plans are changed")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    text = RobotDescription.installed().text
+    text = RobotDescription.of().text
     body, plans = Body(text), list(certified_plans(options.seed, options.plans))
     outcomes: Counter[str] = Counter()
     slowest_s, wrong = 0.0, []
@@ -229,7 +229,7 @@ def judged(mutant: Mutant, body: Body) -> str:
     """What the checker says; WRONG where it should have said something else."""
     try:
         document = read_plan(mutant.file)
-        stock = mutant.urdf == RobotDescription.installed().text
+        stock = mutant.urdf == RobotDescription.of().text
         check(document, mutant.urdf, body=body if stock else None)
     except NotCertifiedError as reason:
         return f"refused: {reason}" if "\n" not in str(reason) else f"WRONG: {reason}"
@@ -262,7 +262,7 @@ def _loaded(document: Data) -> Plan:
 
 def _moved_m(document: Any, urdf: str) -> float:
     """How far the tip of a changed robot is elsewhere, at most, at the knots of a plan."""
-    model, stock = (pin.buildModelFromXML(x) for x in (urdf, RobotDescription.installed().text))
+    model, stock = (pin.buildModelFromXML(x) for x in (urdf, RobotDescription.of().text))
     tip, most = f"{document['plan']['limb']}_gripper", 0.0
     for step in document["plan"]["steps"]:
         for q in step["trajectory"]["q"] if step["type"] == "Move" else ():

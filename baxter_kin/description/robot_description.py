@@ -263,23 +263,16 @@ class RobotDescription:
         return cls(tree.text, stock, source, notes)
 
     @classmethod
-    def drawn(cls) -> RobotDescription:
-        """Baxter as the URDF of example-robot-data draws it, with half-round tips on the right.
+    def as_in_urdf(cls) -> RobotDescription:
+        """The stock robot with the hands of example-robot-data: half-round tips on the right.
+
+        `of` mounts `DEFAULT_RIGHT` on the right instead, equal to the left hand.
 
         Raises:
             DescriptionError: when that package, or Baxter in it, is missing.
         """
         stock = StockFiles.installed()
         return cls(_drawn_tree(stock).text, stock, "the URDF of example-robot-data")
-
-    @classmethod
-    def installed(cls) -> RobotDescription:
-        """The stock robot: that of the installed example-robot-data, with equal hands.
-
-        Raises:
-            DescriptionError: when that package, or Baxter in it, is missing.
-        """
-        return cls.of()
 
     @property
     def tree(self) -> Urdf:

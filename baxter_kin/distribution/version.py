@@ -12,6 +12,7 @@ NAME = "baxter-kin"
 UNKNOWN = "unknown"
 """The version where these folders were copied without their distribution."""
 
+# tomllib needs Python 3.11; name and version stay adjacent, which a test checks
 _PROJECT = re.compile(r'^name = "([^"]+)"\nversion = "([^"]+)"$', re.MULTILINE)
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -23,11 +24,11 @@ def version(checkout: Path = _CHECKOUT) -> str:
     than its installed metadata.
 
     Args:
-        checkout: the folder of the packages.
+        checkout: root of the checkout.
     """
     try:
         project = _PROJECT.search((checkout / "pyproject.toml").read_text(encoding="utf-8"))
-    except OSError:
+    except (OSError, UnicodeDecodeError):
         project = None
     if project is not None and project[1] == NAME:
         return project[2]

@@ -16,12 +16,12 @@ def tool_of(body: Body, T_hand_tip: PoseLike) -> Tool:
     """A tool for `Baxter.load(hands=...)`: a body rigid on the flange, with a tip.
 
     Args:
-        body: boxes, cylinders and spheres; its pose is seen from `<side>_hand`, whose z points out
-            of the flange.
+        body: boxes, cylinders and spheres. Its `T_base_body` is read as its pose seen from
+            `<side>_hand`, whose z points out of the flange, not from base.
         T_hand_tip: pose of the tip seen from `<side>_hand`.
 
     Raises:
-        SceneError: when the body is of another class or has a mesh among its shapes.
+        SceneError: when the body has the wrong type or has a mesh among its shapes.
         ConfigurationError: when it reaches too far, or has too many shapes.
         PoseError: when the pose of the tip is invalid.
     """
@@ -31,12 +31,12 @@ def tool_of(body: Body, T_hand_tip: PoseLike) -> Tool:
 
 
 def _shape(name: str, shape: Shape, T_hand_shape: pin.SE3) -> UrdfShape:
-    kind, size_m = _measured(name, shape)
+    kind, size_m = _kind_and_size(name, shape)
     xyz, rpy = origin_of(T_hand_shape)
-    return UrdfShape(kind, size_m, "", xyz, rpy)
+    return UrdfShape(kind, size_m, xyz=xyz, rpy=rpy)
 
 
-def _measured(name: str, shape: Shape) -> tuple[ShapeKind, tuple[float, ...]]:
+def _kind_and_size(name: str, shape: Shape) -> tuple[ShapeKind, tuple[float, ...]]:
     if isinstance(shape, Box):
         return ShapeKind.BOX, shape.size_m
     if isinstance(shape, Cylinder):

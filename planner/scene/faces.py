@@ -49,7 +49,7 @@ _QUADS = np.array(
 
 def touched_area(above: Part, below: Part) -> FloatArray:
     """Where a shape touches another below it, both placed in base: corners, shape (n, 2), m."""
-    area = gaps_between(faces_of(above, -1.0), faces_of(below, +1.0), SLICE_M).within(SLICE_M)
+    area = overlaps_between(faces_of(above, -1.0), faces_of(below, +1.0), SLICE_M).within(SLICE_M)
     return area if len(area) else contact_point(above, below)[None, :2]
 
 
@@ -61,7 +61,7 @@ def bottom_area(parts: Iterable[Part]) -> FloatArray:
     return np.concatenate(touching)[:, :2]
 
 
-def beside(point: FloatArray, areas: Iterable[FloatArray]) -> FloatArray | None:
+def offset_from_hull(point: FloatArray, areas: Iterable[FloatArray]) -> FloatArray | None:
     """The shortest way from the hull of some areas to a point; None when the point is above it.
 
     Args:
@@ -179,12 +179,12 @@ def floor_around(centre: FloatArray, reach_m: float) -> Faces:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gaps:
+class Overlaps:
     """Overlaps of faces of one shape with faces of another below it, seen from above.
 
     Attributes:
-        points: corners of the overlaps, and the height of the lower face above the upper one
-            there, shape (n, 3), m; negative for a gap.
+        points: corners of the overlaps: x, y, and the height of the lower face minus that of the
+            upper one, shape (n, 3), m; negative where there is a gap.
         overlap: number of the overlap that each corner belongs to, shape (n,).
     """
 
@@ -201,7 +201,7 @@ class Gaps:
         return np.concatenate([xy[excess >= 0.0], crossed])
 
 
-def gaps_between(upper: Faces, lower: Faces, range_m: float) -> Gaps:
+def overlaps_between(upper: Faces, lower: Faces, range_m: float) -> Overlaps:
     """The overlaps of faces with faces below them whose gap is within a range somewhere."""
     near = (upper.boxes[:, None, 0, 2] - lower.boxes[None, :, 1, 2]) <= range_m
     for axis in (0, 1):
@@ -210,7 +210,7 @@ def gaps_between(upper: Faces, lower: Faces, range_m: float) -> Gaps:
     i, j = np.nonzero(near)
     one, other = upper.outlines[i], lower.outlines[j]
     overlaps = shapely.intersection(one, other)
-    # edges and points meet others by chance of rounding only
+    # edges and points intersect only if rounding happens to allow it
     thin = shapely.area(overlaps) <= EDGE_M * shapely.length(overlaps)
     if thin.any():
         wider = shapely.buffer(other[thin], EDGE_M, join_style="mitre")
@@ -226,7 +226,7 @@ def gaps_between(upper: Faces, lower: Faces, range_m: float) -> Gaps:
     is_near = np.bincount(number[gaps >= -range_m], minlength=count) > 0
     is_above = np.bincount(number[gaps > PRESSING_TOLERANCE_M], minlength=count) > 0
     kept = (is_near & ~is_above)[number]  # a face above the underside is above the whole body
-    return Gaps(np.column_stack([xy, gaps])[kept], number[kept])
+    return Overlaps(np.column_stack([xy, gaps])[kept], number[kept])
 
 
 def _normals(corners: FloatArray) -> FloatArray:

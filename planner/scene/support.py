@@ -33,11 +33,11 @@ from planner.scene.faces import (
     FLOOR_Z_M,
     SLICE_M,
     UP,
-    beside,
     bottom_area,
     faces_of,
     floor_around,
-    gaps_between,
+    offset_from_hull,
+    overlaps_between,
     touched_area,
 )
 
@@ -90,7 +90,7 @@ class Landing:
     @property
     def overhang(self) -> FloatArray | None:
         """Vector from its support polygon to its centre, shape (2,), m; None when it is stable."""
-        return beside(self.body.centre_base[:2], self.areas)
+        return offset_from_hull(self.body.centre_base[:2], self.areas)
 
 
 def settle(body: Body, others: Sequence[Body]) -> Landing:
@@ -196,7 +196,7 @@ def _support_plane(body: Body, others: Sequence[Body]) -> tuple[float, FloatArra
     lower.append(floor_around(centre, reach_m))
     gaps = np.concatenate(
         [
-            gaps_between(faces_of(part, -1.0), below, 2 * reach_m * max_slope).points
+            overlaps_between(faces_of(part, -1.0), below, 2 * reach_m * max_slope).points
             for part, below in product(body.placed_parts, lower)
         ]
     )

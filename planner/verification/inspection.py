@@ -125,7 +125,7 @@ def _has_its_joints(plan: Plan, description: RobotDescription) -> bool:
 
 @cache
 def _installed() -> RobotDescription:
-    return RobotDescription.installed()
+    return RobotDescription.of()
 
 
 def _judge(limits: JointLimits | None, robot: Robot) -> JointLimits:

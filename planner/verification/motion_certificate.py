@@ -315,7 +315,7 @@ def certify(
     if not isinstance(limb, str) or limb not in LIMBS:
         raise UnknownNameError("limb", limb, LIMBS)
     expect(state, State, "state", TaskError)
-    known = RobotDescription.installed() if description is None else description
+    known = RobotDescription.of() if description is None else description
     text = expect(known, RobotDescription, "description", TaskError).text
     robot, body = Robot(text, limb), body_of(text)
     given = _ordered(_polynomials(motion), robot, state)

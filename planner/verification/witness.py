@@ -66,7 +66,7 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         TaskError: when an argument has the wrong type, or the plan cannot be certified; gives the
             reason.
     """
-    known = RobotDescription.installed() if description is None else description
+    known = RobotDescription.of() if description is None else description
     expect(known, RobotDescription, "description", TaskError)
     check_size(expect(plan, Plan, "plan", TaskError), plan.start, TaskError)
     document = plan_document(plan)

@@ -158,7 +158,7 @@ def warn_if_as_drawn(robot: RobotIdentity, path: PathLike) -> None:
         robot: for which the set-points in a file are.
         path: the file.
     """
-    drawn = RobotDescription.drawn().identity
+    drawn = RobotDescription.as_in_urdf().identity
     mounts = [f"{side}_torso_arm_mount" for side in LIMBS]
     has_own = any(robot.places.get(name) != drawn.places[name] for name in mounts)
     if robot.kinematics == drawn.kinematics or not has_own:

@@ -120,7 +120,7 @@ class Appearance:
         of its own shapes. Where a link is rigid to the one that a joint moves, the meshes go along
         when it sits elsewhere than on the stock robot.
         """
-        drawn = Baxter.load(RobotDescription.drawn().text).model
+        drawn = Baxter.load(RobotDescription.as_in_urdf().text).model
         whole, tree = cls.load(), robot.description.tree
         known = (*whole.parts, *whole.spares)
         shown = (_of_own_mesh(part, known, tree) for part in whole.parts)

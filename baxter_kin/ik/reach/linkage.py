@@ -46,8 +46,8 @@ Lengths: TypeAlias = tuple[float, float, float, float, float]
 ROUNDING = 1e-12
 """Of positions (m) and unit vectors, in addition to the deviation."""
 
-FAR_M = 1e300
-"""Farther poses are moved to this distance, so that sums and squares do not overflow."""
+FAR_M = 1e150
+"""Coordinates are clipped to this magnitude, so that their squares and sums stay finite."""
 
 _MIN_RAD = 1e-6
 
@@ -123,7 +123,11 @@ class Linkage:
 
     @classmethod
     def of(cls, arm: Arm) -> Linkage:
-        """The linkage of an arm; an arm that is not built like Baxter's is refused."""
+        """The linkage of an arm.
+
+        Raises:
+            DescriptionError: when the arm is not built like Baxter's.
+        """
         dh = DHParameters.of(arm)
         a, d = dh.a_m.tolist(), dh.d_m.tolist()
         lengths = -a[0], d[1], -a[2], d[3], -a[4]
@@ -271,7 +275,7 @@ def _check_kinematics(linkage: Linkage, arm: Arm) -> None:
         if not (apart_m <= slack.wrist_m + ROUNDING and turned <= slack.axis + ROUNDING):
             raise DescriptionError(
                 f"the {arm.side} arm of this model is not built like Baxter's: at q = {q.tolist()} "
-                f"its wrist is {apart_m:.3g} m from where Baxter's links place it"
+                f"its wrist is {apart_m:.3g} m, and its last axis {turned:.3g}, off Baxter's"
             )
 
 

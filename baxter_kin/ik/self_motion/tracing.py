@@ -61,7 +61,7 @@ class SelfMotion:
         T_base_tip: the pose, seen from base.
         q: configurations along the curve, shape (n, 7), rad, inside the limits.
         s: length of the curve in joint space up to each of them, shape (n,), rad, from 0.
-        tangent: unit direction dq/ds at each, shape (n, 7).
+        tangent: unit direction dq/ds at each, shape (n, 7); zeros for a curve of one point.
         manipulability: sqrt(det(J J')) at each, shape (n,), of J in m and rad (Yoshikawa,
             "Manipulability of robotic mechanisms", 1985).
         limit_distance_rad: distance of the joint nearest to a limit from that limit, (n,), rad.

@@ -48,7 +48,7 @@ class KnownPairs:
 
 @cache
 def _reference() -> Baxter:
-    return Baxter.load(RobotDescription.drawn().text)
+    return Baxter.load(RobotDescription.as_in_urdf().text)
 
 
 _SIDES = (("left_", "right_"), ("l_gripper_", "r_gripper_"))

@@ -172,7 +172,7 @@ def test_can_be_pickled(arm: Arm) -> None:
 
 
 def test_the_installed_description_is_the_stock_robot(robot: Baxter) -> None:
-    assert RobotDescription.installed() == robot.description
+    assert RobotDescription.of() == robot.description
 
 
 # Identity

@@ -26,7 +26,7 @@ CELLS = 200
 
 @pytest.fixture(scope="module")
 def timeline(tracked_plan: Plan) -> Timeline:
-    return SoughtTimeline(plan_document(tracked_plan), RobotDescription.installed().text)
+    return SoughtTimeline(plan_document(tracked_plan), RobotDescription.of().text)
 
 
 @pytest.fixture(scope="module", params=[0, -1], ids=["free hand", "a body held"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from baxter_kin.validation import FloatArray
 from planner import Box, Cylinder, Part, Sphere
 from planner.scene.bodies import Shape
-from planner.scene.faces import beside, bottom_area, touched_area
+from planner.scene.faces import bottom_area, offset_from_hull, touched_area
 
 ROUNDING_M = 1e-9
 RIM_M = 3e-4
@@ -77,7 +77,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.0, 0.0), (1.0, 0.3), (1.0 + 5e-7, 0.3)])
 def test_a_point_in_or_on_an_area_is_above_it(point: tuple[float, float]) -> None:
-    assert beside(np.array(point), [SQUARE]) is None
+    assert offset_from_hull(np.array(point), [SQUARE]) is None
 
 
 @pytest.mark.parametrize(
@@ -86,17 +86,21 @@ def test_a_point_in_or_on_an_area_is_above_it(point: tuple[float, float]) -> Non
 def test_the_way_leads_from_the_nearest_point_of_the_area(
     point: tuple[float, float], way: tuple[float, float]
 ) -> None:
-    assert beside(np.array(point), [SQUARE]) == pytest.approx(np.array(way), abs=ROUNDING_M)
+    assert offset_from_hull(np.array(point), [SQUARE]) == pytest.approx(
+        np.array(way), abs=ROUNDING_M
+    )
 
 
 def test_between_two_areas_a_point_is_above_their_hull() -> None:
-    assert beside(np.array([2.0, 0.5]), [SQUARE, SQUARE + np.array([3.0, 0.0])]) is None
+    assert offset_from_hull(np.array([2.0, 0.5]), [SQUARE, SQUARE + np.array([3.0, 0.0])]) is None
 
 
 def test_a_point_on_a_line_is_above_it_and_one_beside_is_not() -> None:
     line = np.array([[0.0, 0.0], [1.0, 0.0]])
-    assert beside(np.array([0.4, 0.0]), [line]) is None
-    assert beside(np.array([0.4, 0.1]), [line]) == pytest.approx(np.array([0.0, 0.1]), abs=1e-9)
+    assert offset_from_hull(np.array([0.4, 0.0]), [line]) is None
+    assert offset_from_hull(np.array([0.4, 0.1]), [line]) == pytest.approx(
+        np.array([0.0, 0.1]), abs=1e-9
+    )
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
