@@ -63,7 +63,6 @@ MIN_REACH_M = 2.0
 """Minimum assumed value of R. The tip of a Baxter is within 1.42 m of all axes, so this holds for
 all points within 0.58 m of it; the value is larger only for bodies that are longer."""
 
-
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
 """Signs of the corners of a box of seven joints, shape (128, 7)."""
 

@@ -243,11 +243,13 @@ class _TrackedMove:
         """The proof of the move, with its deviations."""
         proofs = list(self._prove(tubes.parts, required, is_tight=True))
         worst = min(proofs, key=lambda proof: proof.proven_m)
-        hand_m = self._hand_deviations_m(tubes.parts)
+        hand_deviations_m = self._hand_deviations_m(tubes.parts)
         allowance_m = 0.0
         if self._hand is not None:
             may_touch = self._proofs.unproven_cells(tubes.hull, self._touchable)
-            allowance_m = float(padded(hand_m, len(may_touch))[may_touch].max(initial=0.0))
+            allowance_m = float(
+                padded(hand_deviations_m, len(may_touch))[may_touch].max(initial=0.0)
+            )
         return MoveTracking(
             label=self._label,
             clearance_m=worst.proven_m,
@@ -256,14 +258,14 @@ class _TrackedMove:
             tip_m=deviation.tip_m,
             allowance_m=allowance_m,
             settled_tip_m=deviation.settled_tip_m,
-            failure=_failure(worst, float(hand_m.max()), required),
+            failure=_failure(worst, float(hand_deviations_m.max()), required),
         )
 
     def passes(self, tubes: Sequence[JointTube], required: TrackingRequirements) -> bool:
         """Whether `track` reports no failure."""
-        hand_m = float(self._hand_deviations_m(tubes).max())
+        hand_deviation_m = float(self._hand_deviations_m(tubes).max())
         proofs = self._prove(tubes, required, is_tight=False)
-        return all(_failure(proof, hand_m, required) is None for proof in proofs)
+        return all(_failure(proof, hand_deviation_m, required) is None for proof in proofs)
 
     def _prove(
         self, tubes: Sequence[JointTube], required: TrackingRequirements, *, is_tight: bool

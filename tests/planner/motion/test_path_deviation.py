@@ -21,9 +21,6 @@ PLACES = 60
 NUMERICS_M = 1e-9
 """Tolerance for rounding."""
 
-SAMPLING_M = 5e-6
-"""Tolerance of sampled deviations: the arm's travel in half of the finest step, 50 us."""
-
 
 @pytest.fixture(scope="module")
 def move(left: Arm) -> Trajectory:
@@ -67,7 +64,7 @@ def test_no_hand_in_a_box_deviates_by_more(
         (bound,) = deviation.in_boxes((middle - w)[None], (middle + w)[None])
         qs = middle + w * rng.choice([-1.0, 1.0, 0.4], (PLACES if wide_rad else 1, 7))
         sampled = max(deviation_m(left, move, path, q, points) for q in qs)
-        assert sampled <= bound + SAMPLING_M
+        assert sampled <= bound + NUMERICS_M
         assert bound <= 2.0 * sampled + 0.004 * size
 
 

@@ -28,6 +28,12 @@ FAST = SLOW.at_speed(1.0)
 
 REQUIRED = TrackingRequirements(margin_m=0.0, max_deviation_m=0.04, start_rad=0.02)
 
+TOLERANCE_M = 1e-6
+"""Tolerance for rounding, and for the solution of inverse kinematics at the pick."""
+
+FINGERS_M = 0.15
+"""Maximum size of the gripper beyond the held block along any axis."""
+
 
 @pytest.fixture(scope="module")
 def run(tracked_plan: Plan, manipulator: Manipulator) -> TrackedRun:
@@ -60,18 +66,29 @@ def test_the_bounding_box_contains_all_boxes() -> None:
     assert high.tolist() == [2.0] * 7
 
 
-def test_a_held_body_is_among_the_corners_at_the_tip(
+def test_the_corners_at_the_tip_are_around_the_held_body(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
     """In the move that sets the block down, the block may touch the table."""
     labels = [move.label for move in tracked_plan.moves]
-    context = move_contexts(tracked_plan, manipulator)[labels.index("place: descend")]
-    pairs = np.flatnonzero(context.checker.may_touch)
-    corners = corners_at_tip(context, pairs)
+    number = labels.index("place: descend")
+    context, state = (
+        move_contexts(tracked_plan, manipulator)[number],
+        tracked_plan.moves[number].state,
+    )
+    assert state is not None
+    held = state.holding("left")
+    assert held is not None
+    corners = corners_at_tip(context, np.flatnonzero(context.checker.may_touch))
     assert corners.shape == (8, 3)
-    assert (corners.min(axis=0) < 0.0).all()
-    assert corners.max() > 0.0
-    assert np.abs(corners).max() < 0.2
+    block = state.scene[held.body]
+    for axis, (low, high) in enumerate(zip(corners.min(axis=0), corners.max(axis=0), strict=True)):
+        T_base_tip = manipulator.arm.T_base_tip(state.q(manipulator.arm.joint_names))
+        direction = T_base_tip.rotation[:, axis]
+        first, last = np.array(block.extent_m(direction)) - direction @ T_base_tip.translation
+        assert low - TOLERANCE_M <= first
+        assert last <= high + TOLERANCE_M
+        assert high - low <= last - first + FINGERS_M
 
 
 def test_runs_end_where_the_arm_rests(tracked_plan: Plan, manipulator: Manipulator) -> None:
