@@ -58,7 +58,7 @@ class Clearance:
         """
         needed_m = finite_scalar(needed_m, "needed_m", SceneError)
         if self.distance_m > 0.0 and needed_m > 0.0:
-            return f"{self.text}, and {1e3 * needed_m:.1f} mm are asked for"
+            return f"{self.text}, and {1e3 * needed_m:.1f} mm are required"
         return self.text
 
     def _facts(self) -> tuple[str, ...]:
@@ -143,7 +143,7 @@ class ContinuousContact:
                 f"{near.first} is not proven to keep {1e3 * self.needed_m:.3g} mm from "
                 f"{near.second}: {1e3 * near.distance_m:.3f} mm apart {at}"
             )
-        asked = f"; {1e3 * self.needed_m:.1f} mm are asked for"
+        asked = f"; {1e3 * self.needed_m:.1f} mm are required"
         found = f"{near.phrase('would be', 'would touch')} {at}"
         return found + asked if near.distance_m >= SHOWN_M else found
 

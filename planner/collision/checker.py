@@ -174,7 +174,7 @@ class ClearanceChecker(OneLine):
         Raises:
             ConfigurationError: when `q` has another shape, is not finite or beyond `MAX_JOINT`.
         """
-        full = finite_array(q, (self.robot.nq,), shortened(what), ConfigurationError)
+        full = finite_array(q, (self.robot.nq,), shortened(str(what)), ConfigurationError)
         if np.abs(full).max() > MAX_JOINT:
             raise ConfigurationError(
                 f"a joint is at {np.abs(full).max():g}; at most {MAX_JOINT:g} can be measured"

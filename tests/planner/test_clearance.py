@@ -42,7 +42,7 @@ def test_a_margin_is_shown_where_the_two_are_apart(
     distance_m: float, needed_m: float, is_shown: bool
 ) -> None:
     near = Clearance(distance_m, "arm", "wall")
-    asked = f", and {1e3 * needed_m:.1f} mm are asked for"
+    asked = f", and {1e3 * needed_m:.1f} mm are required"
     assert near.too_near(needed_m) == near.text + (asked if is_shown else "")
 
 
@@ -67,7 +67,7 @@ def contact(
         (
             0.003,
             0.01,
-            "arm would be 3.0 mm from wall at 1.000 s (25 % of the motion); 10.0 mm are asked for",
+            "arm would be 3.0 mm from wall at 1.000 s (25 % of the motion); 10.0 mm are required",
         ),
         (
             0.0101,

@@ -324,7 +324,7 @@ class TestMargin:
         q = manipulator.ik.solve(overhead(0.6, 0.3, -0.129)).q
         plan = plan_pick_and_place(TASK, manipulator, scene, q, margin_m=0.025)
         assert plan.failure is not None
-        assert "mm from table, and 25.0 mm are asked for" in plan.failure.reason
+        assert "mm from table, and 25.0 mm are required" in plan.failure.reason
 
     @pytest.mark.parametrize("bad", [-0.001, np.nan, np.inf, None, "1 cm", True])
     def test_one_that_is_none_raises(
