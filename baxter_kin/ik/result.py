@@ -153,7 +153,7 @@ class IKResult:
         return line(type(self).__name__, facts)
 
 
-def checked_result(given: Any) -> Any:
+def checked_result(given: IKResult | None) -> IKResult | None:
     """A result that was read from a file, if it is consistent; its array becomes read-only.
 
     Anything but a result is returned as it is: the type check of the field refuses it.
