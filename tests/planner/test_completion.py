@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from baxter_kin.fields import evolve
-from planner import Grip, GripperAction, Manipulator, Move, Plan
+from planner import Grip, GripperAction, Manipulator, Move, Plan, Scene, State
 from planner.completion import complete, move_contexts
 from planner.errors import TaskError
 
@@ -118,3 +120,9 @@ def test_a_plan_for_another_world_is_completed_for_it(
     start = tracked_plan.start.moved(manipulator.robot, {"head_pan": 0.1})
     found = complete(tracked_plan, start, manipulator=manipulator)
     assert {step.state.joints["head_pan"] for step in found if step.state} == {0.1}
+
+
+@pytest.mark.parametrize("plan", [None, set(), True, np.zeros(3)], ids=str)
+def test_only_plans_are_completed(plan: Any, manipulator: Manipulator, scene: Scene) -> None:
+    with pytest.raises(TaskError):
+        complete(plan, State.of(manipulator, scene), manipulator=manipulator)

@@ -9,8 +9,8 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
-from planner import Manipulator, Scene
-from planner.errors import TaskError
+from planner import Manipulator, Scene, State
+from planner.errors import SceneError, TaskError
 
 ROUNDING = 1e-12
 
@@ -105,3 +105,16 @@ def test_a_context_has_the_given_finger_position(manipulator: Manipulator) -> No
     context = manipulator.context(Scene.of(), finger_m=0.005)
     assert context.q_others[index] == 0.005
     assert manipulator.context(Scene.of()).q_others[index] == manipulator.finger_m
+
+
+@pytest.mark.parametrize(
+    ("has_state", "contacts"),
+    [(True, 5), (True, 1j), (True, {"a": 1}), (True, range(10**12)), (False, ())],
+    ids=str,
+)
+def test_a_malformed_state_or_contact_is_refused(
+    manipulator: Manipulator, scene: Scene, has_state: bool, contacts: Any
+) -> None:
+    state: Any = State.of(manipulator, scene) if has_state else "a state"
+    with pytest.raises(SceneError):
+        manipulator.at(state, contacts)

@@ -245,3 +245,9 @@ class TestRefused:
             load_recording(path)
         with pytest.raises(RecordingError, match="cannot write"):
             save_recording(picked, path)
+
+
+@pytest.mark.parametrize("added", [1e-308, "x", iter(())], ids=["number", "text", "iterator"])
+def test_added_arrays_must_be_a_mapping(picked: Recording, tmp_path: Path, added: Any) -> None:
+    with pytest.raises(RecordingError):
+        save_recording(picked, tmp_path / "run.npz", added=added)

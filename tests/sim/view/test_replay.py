@@ -432,3 +432,11 @@ def test_refuses_a_recording_of_another_robot(robot: Baxter, recording: Recordin
     other = evolve(recording, joint_names=tuple(reversed(recording.joint_names)))
     with pytest.raises(RecordingError, match="not those of this robot"):
         replay_html(other, robot)
+
+
+@pytest.mark.parametrize("names", [5, np.zeros((1, 7)), "block"], ids=str)
+def test_malformed_names_of_uncounted_bodies_are_refused(
+    robot: Baxter, recording: Recording, names: Any
+) -> None:
+    with pytest.raises(RecordingError):
+        Replay(recording, robot, uncounted=names)

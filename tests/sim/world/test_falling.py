@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from planner import Body, Cylinder, Part, Sphere, make_block
 from planner.scene.faces import FLOOR_Z_M
 from planner.scene.support import FLOOR
-from sim.world.falling import GRAVITY_M_S2, SIDESTEP_M, come_to_rest
+from sim.errors import SimulationError
+from sim.world.falling import GRAVITY_M_S2, SIDESTEP_M, Rest, come_to_rest
 from tests.conftest import at
 
 REST_M = 1e-7
@@ -118,3 +119,8 @@ def test_a_body_at_rest_stays_where_it_is(table: Body, x: float, y: float, yaw: 
     again = come_to_rest(cube(0.0).at(first.T_base_body), [table])
     assert again.support == first.support
     assert again.T_base_body.homogeneous == pytest.approx(first.T_base_body.homogeneous, abs=REST_M)
+
+
+def test_a_body_rests_on_something() -> None:
+    with pytest.raises(SimulationError):
+        Rest(at(0.0, 0.0, 0.0), (), 0.0)

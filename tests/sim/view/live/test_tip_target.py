@@ -150,3 +150,9 @@ def test_refuses_what_is_no_viewer(robot: Baxter) -> None:
     wrong: Any = None
     with pytest.raises(ViewerError, match="viewer must be of class Viewer"):
         TipTarget(wrong, robot, "left")
+
+
+@pytest.mark.parametrize("bad", [None, 5, "left", ()], ids=str)
+def test_another_robot_is_refused(viewer: WatchedViewer, bad: Any) -> None:
+    with pytest.raises(ViewerError):
+        TipTarget(viewer, bad, "left")
