@@ -66,6 +66,7 @@ def test_an_inconsistent_result_of_a_file_is_refused(left: Arm, changes: dict[st
         "orientation_error_rad": 0.0,
     }
     checked = checked_result(IKResult(**whole))
+    assert checked is not None
     assert checked.is_valid
     assert not checked.q.flags.writeable
     with pytest.raises(ConfigurationError):
