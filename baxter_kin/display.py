@@ -105,11 +105,6 @@ def phrase(text: object) -> str:
     return shortened(str(text), MAX_PART)
 
 
-def sentence(text: object) -> str:
-    """A sentence that is a fact of a line and may fill it; the line shortens it."""
-    return str(text)
-
-
 def count(number: int, noun: str) -> str:
     """A number with its noun: "1 move", "2 moves", "2 bodies"."""
     plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"

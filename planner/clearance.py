@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TypeAlias
 
-from baxter_kin.display import clear, millimetres, seconds, sentence
+from baxter_kin.display import clear, millimetres, seconds
 from baxter_kin.fields import frozen
 from baxter_kin.validation import finite_scalar
 from planner.errors import MotionError, SceneError
@@ -63,7 +63,7 @@ class Clearance:
 
     def _facts(self) -> tuple[str, ...]:
         when = "" if self.time_s is None else f"at {seconds(self.time_s)}"
-        return sentence(self.text), when
+        return self.text, when
 
 
 def least(clearances: Iterable[Clearance]) -> Clearance | None:
@@ -96,7 +96,7 @@ class ContinuousProof:
         return True
 
     def _facts(self) -> tuple[str, ...]:
-        return clear(self.proven_m), f"nearest: {sentence(self.nearest.text)}"
+        return clear(self.proven_m), f"nearest: {self.nearest.text}"
 
 
 @frozen(error=SceneError, eq=True)
@@ -148,7 +148,7 @@ class ContinuousContact:
         return found + asked if near.distance_m >= SHOWN_M else found
 
     def _facts(self) -> tuple[str, ...]:
-        return sentence(self.nearest.text), f"{millimetres(self.needed_m)} needed"
+        return self.nearest.text, f"{millimetres(self.needed_m)} needed"
 
 
 ContinuousResult: TypeAlias = ContinuousProof | ContinuousContact

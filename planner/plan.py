@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import clear, count, millimetres, phrase, seconds, sentence
+from baxter_kin.display import clear, count, millimetres, phrase, seconds
 from baxter_kin.errors import ConfigurationError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, evolve, field, frozen, sequence
 from baxter_kin.ik.result import checked_result
@@ -226,7 +226,7 @@ class PlanFailure:
         return f"{self.stage}: {self.reason}"
 
     def _facts(self) -> tuple[str, ...]:
-        return (sentence(self),)
+        return (str(self),)
 
 
 @frozen(error=TaskError)
@@ -319,7 +319,7 @@ class Plan:
     def _facts(self) -> tuple[str, ...]:
         size = self.limb, count(len(self.steps), "step"), seconds(self.motion_time_s)
         if self.failure is not None:
-            return *size, f"invalid: {sentence(self.failure)}"
+            return *size, f"invalid: {self.failure}"
         proven_m = self.proven_clearance_m
         sent = "" if self.response is None else f"sent at speed {self.response.speed:g}"
         return *size, "valid", "" if proven_m is None else clear(proven_m), sent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from baxter_kin.display import count, millimetres, phrase, seconds, sentence
+from baxter_kin.display import count, millimetres, phrase, seconds
 from baxter_kin.fields import field, frozen, scalar
 from sim.errors import SimulationError
 from sim.world.contacts import Contact
@@ -49,7 +49,7 @@ class Outcome:
         return self.failure is None
 
     def _facts(self) -> tuple[str, ...]:
-        failure = "success" if self.failure is None else f"failed: {sentence(self.failure)}"
+        failure = "success" if self.failure is None else f"failed: {self.failure}"
         return seconds(self.duration_s), failure, self._told_hits()
 
     def _told_hits(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import attrs
 
-from baxter_kin.display import line, sentence, side_of
+from baxter_kin.display import line, side_of
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import field_names, frozen, mapping, with_read_only_arrays
 from baxter_kin.ik.seeds import SeedType
@@ -68,7 +68,7 @@ class IKFailure(_Pending):
         return self.reason
 
     def _facts(self) -> tuple[str, ...]:
-        return (sentence(self.reason),)
+        return (self.reason,)
 
 
 def pending_failure(find: Callable[[], IKFailure]) -> IKFailure:
@@ -146,7 +146,7 @@ class IKResult:
     def __repr__(self) -> str:
         facts = [side_of(self.joint_names)]
         if self.failure is not None:
-            facts.append(f"invalid: {sentence(self.failure)}")
+            facts.append(f"invalid: {self.failure}")
         else:
             errors = f"{self.position_error_m:.2g} m and {self.orientation_error_rad:.2g} rad off"
             facts += ["valid", f"from {self.seed_type.name}", errors]

@@ -20,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import millimetres, sentence
+from baxter_kin.display import millimetres
 from baxter_kin.fields import frozen
 from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray
@@ -84,7 +84,7 @@ class Miss:
         return self.text
 
     def _facts(self) -> tuple[str, ...]:
-        return (sentence(self.text),)
+        return (self.text,)
 
 
 @frozen(error=SceneError)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.display import clear, millimetres, phrase, sentence
+from baxter_kin.display import clear, millimetres, phrase
 from baxter_kin.fields import frozen
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
@@ -58,7 +58,7 @@ class MoveTracking:
 
     def _facts(self) -> tuple[str, ...]:
         if self.failure is not None:
-            return phrase(self.label), sentence(self.failure)
+            return phrase(self.label), str(self.failure)
         allowance = f"{millimetres(self.allowance_m)} allowed" if self.allowance_m else ""
         off = f"tip up to {millimetres(self.tip_m)} off"
         return phrase(self.label), clear(self.clearance_m), off, allowance

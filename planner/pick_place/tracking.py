@@ -31,7 +31,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import clear, count, millimetres, sentence
+from baxter_kin.display import clear, count, millimetres
 from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.validation import FloatArray, expect, finite_scalar, float_array
 from planner.clearance import checked_margin_m
@@ -275,7 +275,7 @@ class TrackingProof:
 
     def _facts(self) -> tuple[str, ...]:
         if self.failure is not None:
-            return count(len(self.moves), "move"), sentence(self.failure)
+            return count(len(self.moves), "move"), str(self.failure)
         return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
 
 

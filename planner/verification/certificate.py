@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from baxter_kin.display import count, seconds, sentence
+from baxter_kin.display import count, seconds
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import field, field_names, frozen, number_or_nan
 from baxter_kin.json_data import plain_data
@@ -74,7 +74,7 @@ class Check:
         )
 
     def _facts(self) -> tuple[str, ...]:
-        return "passed" if self.is_passed else "failed", sentence(self)
+        return "passed" if self.is_passed else "failed", str(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +259,7 @@ class Certificate:
     def _facts(self) -> tuple[str, ...]:
         checks = count(len(self.checks), "check")
         if self.reason:
-            state = f"not valid: {sentence(self.reason)}"
+            state = f"not valid: {self.reason}"
         elif self.failures:
             state = f"not valid, {len(self.failures)} of {checks} failed"
         else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-from baxter_kin.display import count, millimetres, phrase, position, sentence
+from baxter_kin.display import count, millimetres, phrase, position
 from baxter_kin.fields import field, frozen
 from baxter_kin.frames import checked_pose
 from planner import Body, Plan
@@ -91,5 +91,5 @@ class LoopResult:
     def _facts(self) -> tuple[str, ...]:
         attempts = count(len(self.attempts), "attempt")
         if self.failure is not None:
-            return attempts, f"failed: {sentence(self.failure)}"
+            return attempts, f"failed: {self.failure}"
         return attempts, "success", "" if self.off_m is None else f"{millimetres(self.off_m)} off"

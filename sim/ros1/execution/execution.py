@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from baxter_kin.display import seconds, sentence
+from baxter_kin.display import seconds
 from baxter_kin.fields import evolve, frozen
 from planner import GripperAction, Move
 from planner.trajectory import Trajectory
@@ -53,7 +53,7 @@ class MeasuredOutcome(Outcome):
     lateness_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def _facts(self) -> tuple[str, ...]:
-        failure = "success" if self.failure is None else f"failed: {sentence(self.failure)}"
+        failure = "success" if self.failure is None else f"failed: {self.failure}"
         return seconds(self.duration_s), f"{self.joint_deviation_rad:.4f} rad off", failure
 
 

@@ -11,7 +11,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 
-from baxter_kin.display import phrase, sentence
+from baxter_kin.display import phrase
 from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from sim.errors import SimulationError
@@ -56,7 +56,7 @@ class Finding:
         return f"{self.name}: {self.text}"
 
     def _facts(self) -> tuple[str, ...]:
-        return "ok" if self.is_ok else "not ok", phrase(self.name), sentence(self.text)
+        return "ok" if self.is_ok else "not ok", phrase(self.name), self.text
 
 
 def look_at_robot(

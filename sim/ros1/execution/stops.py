@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from baxter_kin.display import seconds, sentence
+from baxter_kin.display import seconds
 from baxter_kin.fields import FrozenMapping, frozen
 from sim.errors import SimulationError
 
@@ -70,7 +70,7 @@ class Stop:
         return f"{self.label}: {text}" if self.label else text
 
     def _facts(self) -> tuple[str, ...]:
-        return f"at {seconds(self.time_s)}", sentence(self)
+        return f"at {seconds(self.time_s)}", str(self)
 
 
 ROUNDING = 1e-9
