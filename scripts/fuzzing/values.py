@@ -131,7 +131,6 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "bodies": lambda stage: dict(stage["Scene"].bodies),
         "arms": lambda stage: stage["Baxter"].arms,
         "observers": lambda stage: [stage["Observer"]],
-        "looks": lambda stage: [stage["Look"]],
         "grippers": lambda stage: stage["Snapshot"].grippers,
         "T_base_bodies": lambda stage: stage["Snapshot"].T_base_bodies,
         "path": lambda stage: stage.file("some.file"),

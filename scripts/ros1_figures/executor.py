@@ -19,7 +19,7 @@ from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, plan_pick_and_place
 from ros1_figures.figure import Figure
 from ros1_figures.robot_process import robot_process
-from sim import Simulation, World, read_log
+from sim import Simulation, World, read_recording
 from sim.demo.scene import BLOCK, demo_bodies, overhead
 from sim.outcome import Dwell
 from sim.ros1.execution.execution import MeasuredOutcome
@@ -72,7 +72,7 @@ class _Stage:
         during: Callable[[str], None] | None = None,
     ) -> tuple[MeasuredOutcome, float]:
         """One execution; what came of it, and how far off the block is then, mm."""
-        log = folder / "robot.jsonl"
+        log = folder / "robot.mcap"
         with robot_process("--record", str(log), *robot_options) as (uri, _), _linked(uri) as link:
             _bring_to_start(self.plan, link)
             executor = RosExecutor(link, options=ExecutionOptions(pace, Dwell(0.5, 0.5)))
@@ -87,7 +87,7 @@ class _Stage:
             if thread is not None:
                 thread.join()
             time.sleep(0.3)
-        block = read_log(log).recording.body_poses[BLOCK][-1]
+        block = read_recording(log).recording.body_poses[BLOCK][-1]
         return outcome, 1e3 * float(np.abs(block[:3] - self.block_m).max())
 
 

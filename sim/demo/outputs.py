@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 from baxter_kin import Baxter
 from planner import Plan, RobotBody
-from sim import CsvRecorder, Observer, Recorder, Snapshot, World
+from sim import Observer, Recorder, Snapshot, World
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
-from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
 from sim.recording.record_file import recorder_of
+from sim.recording.rsdk_csv import PlanCsvFile, warn_if_as_drawn
 from sim.view.live.in_browser import can_open, open_page, where_to_look
 
 if TYPE_CHECKING:  # a headless run needs no web server
@@ -39,9 +39,8 @@ def outputs(
     """
     robot = world.robot
     if options.csv is not None and options.dwell_s is None:
-        csv = CsvRecorder(options.csv, robot)
+        csv = cleanup.enter_context(Recorder(robot, options.csv, keep=1))
         warn_if_as_drawn(robot.description.identity, options.csv)
-        cleanup.callback(csv.close)
         yield csv
     if options.record is not None:
         yield recorder_of(options.record, robot, cleanup)

@@ -2,7 +2,7 @@
 
 A source is asked for one body at a time and answers with a `Sighting`, or with None when it does
 not see the body. `TruePoses` sees everything exactly; `sim.perception.noisy_poses` makes that
-worse, and `sim.perception.pose_log` replays what was seen before.
+worse.
 """
 
 from __future__ import annotations

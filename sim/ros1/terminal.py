@@ -18,7 +18,7 @@ from baxter_kin.command_line import (
     option,
 )
 from baxter_kin.errors import BaxterError
-from sim.recording.record_file import record_option
+from sim.recording.record_file import record_option, recorder_of
 
 if TYPE_CHECKING:  # --help needs none of them
     from baxter_kin import Baxter
@@ -146,12 +146,5 @@ class FileOptions:
 
 def file_observers(files: FileOptions, robot: Baxter, stack: ExitStack) -> list[Observer]:
     """The observers that write the files; the stack finishes them."""
-    from sim.recording.rsdk_csv import CsvRecorder  # noqa: PLC0415
-    from sim.ros1.records import record_to  # noqa: PLC0415
-
-    observers: list[Observer] = [record_to(path, robot, stack) for path in files.record]
-    if files.csv is not None:
-        csv = CsvRecorder(files.csv, robot)
-        stack.callback(csv.close)
-        observers.append(csv)
-    return observers
+    paths = files.record if files.csv is None else (*files.record, files.csv)
+    return [recorder_of(path, robot, stack) for path in paths]

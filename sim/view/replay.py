@@ -20,7 +20,7 @@ from planner import Plan
 from planner.collision.robot.robot_body import RobotBody
 from sim.errors import RecordingError
 from sim.files import explained
-from sim.recording.planned_recording import planned_recording
+from sim.recording.recorder import planned_recording
 from sim.recording.recording import Recording
 from sim.view.appearance import Appearance
 from sim.view.replay_content import check_replayed, encoded_content

@@ -14,9 +14,8 @@ from planner import Body, Plan, Scene
 from planner.state import State
 from sim.errors import ViewerError
 from sim.events import Event, Observer, Snapshot
-from sim.recording.planned_recording import planned_recording
-from sim.recording.playback import retell
-from sim.recording.recording import Recording
+from sim.recording.recorder import planned_recording
+from sim.recording.recording import Recording, retell
 from sim.view.telemetry.clearance import clearance_samples
 from sim.view.telemetry.live import LiveTelemetry
 from sim.view.telemetry.waypoints import recorded_waypoints
