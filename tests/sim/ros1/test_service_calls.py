@@ -68,4 +68,4 @@ def test_a_callback_cannot_wait_for_a_service(
         "/t", TEXT.name, lambda _: reader.call("/s", DELETE.name, DELETE.request.make())
     )
     node.advertise("/t", TEXT.name, latch=True).send(data="x")
-    until(lambda: "a callback cannot wait for a service" in caplog.text)
+    until(lambda: "a callback cannot wait for an answer" in caplog.text)
