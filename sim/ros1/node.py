@@ -20,8 +20,7 @@ from sim.ros1.transport.node_server import NodeServer
 from sim.ros1.transport.registration import Endpoint, Role
 from sim.ros1.transport.services import ServiceServer, call_service, probe_service
 from sim.ros1.transport.topics import Callback, Publication, Received, Subscription
-from sim.ros1_fields import Message
-from sim.ros1_messages import MessageType, ServiceType
+from sim.ros1_messages import Message, MessageType, ServiceType
 
 __all__ = ["Node", "Publisher", "Received", "Service", "Subscriber"]
 

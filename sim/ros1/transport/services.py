@@ -23,8 +23,7 @@ from sim.ros1.transport.streams import (
     framed,
     framed_header,
 )
-from sim.ros1_fields import Message
-from sim.ros1_messages import ServiceType
+from sim.ros1_messages import Message, ServiceType
 
 SUCCESS, FAILURE = b"\x01", b"\x00"
 """The byte before a response, and before the text of an error."""

@@ -32,8 +32,7 @@ from sim.ros1.transport.streams import (
     framed_header,
     serve,
 )
-from sim.ros1_fields import Message
-from sim.ros1_messages import MessageType
+from sim.ros1_messages import Message, MessageType
 
 SEND_BUFFER = 65_536
 """Bytes that the system keeps for a slow subscriber: few, or it would read messages of seconds

@@ -17,7 +17,7 @@ from sim.ros1.master import Master
 from sim.ros1.node import Node
 from sim.ros1.transport.addresses import Address, parse_uri
 from sim.ros1.transport.streams import framed, framed_header
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 from tests.sim.ros1.wire import is_closed, topic_place, xmlrpc_place
 
 STATE = message_type("sensor_msgs/JointState")

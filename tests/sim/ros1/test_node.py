@@ -14,7 +14,7 @@ from sim.ros1.definitions import message_type, service_type
 from sim.ros1.master import Master
 from sim.ros1.node import Node
 from sim.ros1.transport import node_server, registration, topics
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import free_port, until
 from tests.sim.ros1.wire import (

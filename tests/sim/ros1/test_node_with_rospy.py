@@ -11,7 +11,7 @@ import pytest
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.transport import registration
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode, MakePeer
 from tests.sim.ros1.processes import DebianMaster, Peer, until
 

@@ -9,7 +9,7 @@ import pytest
 from sim.errors import RosConnectionError, ServiceRefused
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.node import Node
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import until
 

@@ -17,7 +17,7 @@ from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.complaints import Complaints
 from sim.ros1.robot.parts.electric_gripper import GripperOrder
 from sim.ros1.robot.parts.joint_order import BadOrderError
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 CORE = "baxter_core_msgs"
 PRESS_TOPIC = "/robot/sim/press"
