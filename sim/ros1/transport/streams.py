@@ -84,15 +84,14 @@ class Stream(NotCopied, OneLine):
             writer: its sending half.
             peer: name of the other end.
         """
-        sock = writer.get_extra_info("socket")
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         writer.transport.set_write_buffer_limits(high=0)  # `drain` waits for the last byte
         self.reader = reader
         self.writer = writer
         self.peer = peer
         self.received = 0
         self.sent = 0
+        self._set_option(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._set_option(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
     @property
     def is_open(self) -> bool:
@@ -121,8 +120,7 @@ class Stream(NotCopied, OneLine):
 
     def limit_send_buffer(self, size: int) -> None:
         """Let the system keep only about so many bytes that the peer has not read."""
-        sock = self.writer.get_extra_info("socket")
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, size)
+        self._set_option(socket.SOL_SOCKET, socket.SO_SNDBUF, size)
 
     async def finish(self) -> None:
         """Close after the peer has taken all that was sent, or has not in time."""
@@ -133,6 +131,10 @@ class Stream(NotCopied, OneLine):
     def abort(self) -> None:
         """Close at once."""
         self.writer.transport.abort()
+
+    def _set_option(self, level: int, option: int, value: int) -> None:
+        with suppress(OSError):  # the peer may have left already
+            self.writer.get_extra_info("socket").setsockopt(level, option, value)
 
     def _facts(self) -> tuple[str, ...]:
         return self.peer, "open" if self.is_open else "closed"

@@ -355,7 +355,7 @@ class Subscription(NotCopied, OneLine):
             publisher.stream = None
 
     async def _deliver_all(self, publisher: _Publisher, stream: Stream) -> None:
-        while publisher.stream is not None:
+        while stream.is_open:
             data = await stream.read_frame(MAX_FRAME)
             arrived_s = time.monotonic()
             publisher.failures = 0
