@@ -173,7 +173,7 @@ class _Demo:
 
         def planned(asked: PickAndPlace, _: Manipulator, scene: Scene, q: FloatArray) -> Plan:
             if (attempt := next(attempts)) > 1:
-                report.say(f"  looks again, attempt {attempt} of {1 + (options.retries or 0)}")
+                report.say(f"  tries again, attempt {attempt} of {1 + (options.retries or 0)}")
             plan = self._planned_cycle(asked, scene, q)
             report.add_plan(number, *ends_m, plan, self._transfer_bound_s(task))
             return plan
