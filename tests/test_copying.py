@@ -151,7 +151,7 @@ def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...
     """What looks where the block is, and what comes of it."""
     eyes = sim.TruePoses(simulation.world)
     loop = sim.ClosedLoop(simulation, manipulator, eyes)
-    seen = eyes.look("block", simulation.time_s)
+    seen = eyes.observe("block", simulation.time_s)
     result = sim.perception.LoopResult(
         (sim.perception.Attempt(None, None, "nothing was seen"),), "nothing was seen"
     )

@@ -135,7 +135,6 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "T_base_bodies": lambda stage: stage["Snapshot"].T_base_bodies,
         "path": lambda stage: stage.file("some.file"),
         "file": lambda stage: stage.file("some.file"),
-        "eyes": _of("TruePoses"),
         "source": _of("TruePoses"),
         "space": _of("CollisionContext"),
         "shape": _of("Box"),

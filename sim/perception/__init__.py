@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
+    from sim.perception.closed_loop import Attempt as Attempt
+    from sim.perception.closed_loop import LoopResult as LoopResult
     from sim.perception.pose_source import Sighting as Sighting
-    from sim.perception.transfer import Attempt as Attempt
-    from sim.perception.transfer import LoopResult as LoopResult
 
 __all__, __getattr__ = lazy(
     __name__,
     {
-        "Attempt": "sim.perception.transfer",
-        "LoopResult": "sim.perception.transfer",
+        "Attempt": "sim.perception.closed_loop",
+        "LoopResult": "sim.perception.closed_loop",
         "Sighting": "sim.perception.pose_source",
     },
 )

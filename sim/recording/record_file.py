@@ -47,6 +47,14 @@ def recorder_of(path: Path, robot: Baxter, cleanup: ExitStack) -> Recorder:
     return cleanup.enter_context(Recorder(robot, path, keep=keep))
 
 
+def csv_recorder_of(path: Path, robot: Baxter, cleanup: ExitStack) -> Recorder:
+    """The same for the RSDK's CSV, whatever the suffix."""
+    from sim.recording.recorder import Recorder
+    from sim.recording.rsdk_csv import CsvFile
+
+    return cleanup.enter_context(Recorder(robot, CsvFile(path, robot.joint_names), keep=1))
+
+
 def open_record(path: PathLike, builder: RecordingBuilder) -> RecordFile:
     """Open the file that a recorder writes; a bag is made of its builder at the end."""
     from sim.recording.bag_file import BagAtEnd

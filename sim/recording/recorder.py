@@ -131,14 +131,14 @@ class Recorder(SampleObserver):
     """
 
     def __init__(
-        self, robot: Baxter, path: PathLike | None = None, *, keep: int | None = None
+        self, robot: Baxter, file: PathLike | RecordFile | None = None, *, keep: int | None = None
     ) -> None:
         """Start empty.
 
         Args:
             robot: the robot whose joints are recorded.
-            path: a file, in the format of its suffix: .mcap, .csv (of the RSDK) or .bag (of ROS 1);
-                an older one is replaced.
+            file: a file, in the format of its suffix: .mcap, .csv (of the RSDK) or .bag (of ROS 1);
+                an older one is replaced. Or one that is open.
             keep: maximum number of snapshots kept in memory, with the events and moves of that
                 time; by default all.
 
@@ -150,7 +150,10 @@ class Recorder(SampleObserver):
             keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
         names = expect(robot, Baxter, "robot", RecordingError).joint_names
         self._builder = RecordingBuilder(names, robot.description.identity, keep=keep)
-        self._file = None if path is None else open_record(path, self._builder)
+        if file is None or isinstance(file, RecordFile):
+            self._file = file
+        else:
+            self._file = open_record(file, self._builder)
         self._caption: str | None = None
 
     def __enter__(self) -> Recorder:

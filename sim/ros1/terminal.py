@@ -18,7 +18,7 @@ from baxter_kin.command_line import (
     option,
 )
 from baxter_kin.errors import BaxterError
-from sim.recording.record_file import record_option, recorder_of
+from sim.recording.record_file import csv_recorder_of, record_option, recorder_of
 
 if TYPE_CHECKING:  # --help needs none of them
     from baxter_kin import Baxter
@@ -146,5 +146,7 @@ class FileOptions:
 
 def file_observers(files: FileOptions, robot: Baxter, stack: ExitStack) -> list[Observer]:
     """The observers that write the files; the stack finishes them."""
-    paths = files.record if files.csv is None else (*files.record, files.csv)
-    return [recorder_of(path, robot, stack) for path in paths]
+    observers: list[Observer] = [recorder_of(path, robot, stack) for path in files.record]
+    if files.csv is not None:
+        observers.append(csv_recorder_of(files.csv, robot, stack))
+    return observers
