@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,18 +239,15 @@ def _ns(stamp: Any) -> int:
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Track:
-    """The values of one joint: times in ns, not decreasing, and positions, shape (n,) each."""
+_Track: TypeAlias = tuple[NDArray[np.int64], FloatArray]
+"""Times of a joint in ns, not decreasing, and its positions, shape (n,) each."""
 
-    times: NDArray[np.int64]
-    values: FloatArray
 
-    def held(self, times: NDArray[np.int64]) -> FloatArray:
-        """The last value at or before each time; NaN before the first."""
-        index = np.searchsorted(self.times, times, side="right") - 1
-        held: FloatArray = np.where(index < 0, np.nan, self.values[np.maximum(index, 0)])
-        return held
+def _held(track: _Track, times: NDArray[np.int64]) -> FloatArray:
+    """The last value at or before each time; NaN before the first."""
+    index = np.searchsorted(track[0], times, side="right") - 1
+    held: FloatArray = np.where(index < 0, np.nan, track[1][np.maximum(index, 0)])
+    return held
 
 
 def merged_recording(
@@ -274,17 +271,19 @@ def merged_recording(
     gripper_states, late_grippers = _in_order(messages.grippers, is_stamped=is_stamped)
     tracks = _tracks(states)
     arms = {name: tracks[name] for side in limbs_in(tracks) for name in arm_joints(side)}
-    times = np.unique(np.concatenate([track.times for track in arms.values()]))
-    times = times[times >= max(int(track.times[0]) for track in arms.values())]
+    times = np.unique(np.concatenate([track[0] for track in arms.values()]))
+    times = times[times >= max(int(track[0][0]) for track in arms.values())]
     origin_ns = int(times[0]) if times[0] > MAX_SIMULATED_S * NANOSECONDS else 0
     times_s = (times - origin_ns) / NANOSECONDS
 
     def place(row: int) -> str:
         return f"{messages.file}, {chosen} at {times_s[row]:.6f} s"
 
-    held = {name: track.held(times) for name, track in tracks.items() if name in robot.joint_names}
+    held = {
+        name: _held(track, times) for name, track in tracks.items() if name in robot.joint_names
+    }
     percent = _finger_percent(held, robot)
-    percent |= {side: track.held(times) for side, track in _tracks(gripper_states).items()}
+    percent |= {side: _held(track, times) for side, track in _tracks(gripper_states).items()}
     odd += tuple(_topic_notes(chosen, others))
     odd += tuple(_order_notes(late_states, chosen))
     odd += tuple(_order_notes(late_grippers, "the grippers"))
@@ -296,44 +295,38 @@ def merged_recording(
     return found._replace(recording=evolve(found.recording, events=events))
 
 
-class _Dated(NamedTuple):
-    """A message and its time in ns: its stamp, or when it was recorded."""
-
-    at_ns: int
-    joints: JointPositions
-
-
 def _in_order(
     messages: list[JointPositions], *, is_stamped: bool
-) -> tuple[list[_Dated], list[_Dated]]:
-    """The messages by time, and those left out because time jumped back.
+) -> tuple[list[JointPositions], list[JointPositions]]:
+    """The messages by their time, and those left out because time jumped back.
 
-    Each is compared with the last one of the same joints: publishers have clocks of their own.
+    That is the stamp, if there is one. Each is compared with the last one of the same joints, since
+    publishers have clocks of their own.
     """
-    kept: list[_Dated] = []
-    late: list[_Dated] = []
+    kept: list[JointPositions] = []
+    late: list[JointPositions] = []
     last_ns: dict[frozenset[str], int] = {}
-    for joints in sorted(messages, key=lambda each: each.time_ns):
-        dated = _Dated(joints.stamp_ns if is_stamped else joints.time_ns, joints)
-        names = frozenset(joints.names)
-        if names in last_ns and dated.at_ns <= last_ns[names]:
+    for each in sorted(messages, key=lambda each: each.time_ns):
+        dated = each._replace(time_ns=each.stamp_ns) if is_stamped else each
+        names = frozenset(dated.names)
+        if names in last_ns and dated.time_ns <= last_ns[names]:
             late.append(dated)
         else:
-            last_ns[names] = dated.at_ns
+            last_ns[names] = dated.time_ns
             kept.append(dated)
-    return sorted(kept, key=lambda each: each.at_ns), late
+    return sorted(kept, key=lambda each: each.time_ns), late
 
 
-def _tracks(messages: Iterable[_Dated]) -> dict[str, _Track]:
+def _tracks(messages: Iterable[JointPositions]) -> dict[str, _Track]:
     """The values of each joint, from messages in order of time."""
     columns: dict[str, tuple[list[int], list[float]]] = {}
-    for at_ns, joints in messages:
-        for name, value in zip(joints.names, joints.values, strict=True):
+    for each in messages:
+        for name, value in zip(each.names, each.values, strict=True):
             times, values = columns.setdefault(name, ([], []))
-            times.append(at_ns)
+            times.append(each.time_ns)
             values.append(value)
     return {
-        name: _Track(np.array(times, dtype=np.int64), np.array(values))
+        name: (np.array(times, dtype=np.int64), np.array(values))
         for name, (times, values) in columns.items()
     }
 
@@ -371,11 +364,11 @@ def _events(texts: list[tuple[int, str]], origin_ns: int) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _order_notes(late: list[_Dated], source: str) -> Iterator[str]:
+def _order_notes(late: list[JointPositions], source: str) -> Iterator[str]:
     if late:
         yield (
             f"{count(len(late), 'message')} of {source} did not come after the one before in time, "
-            f"the first stamped {late[0].at_ns / NANOSECONDS:.6f} s: left out"
+            f"the first stamped {late[0].time_ns / NANOSECONDS:.6f} s: left out"
         )
 
 

@@ -26,19 +26,19 @@ if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
 
 SIZE_INCH = (21.0, 9.5)
-"""Of one arm."""
+"""Size of the figure of one arm."""
 
 STILL_RAD = 2e-3
-"""An arm whose joints move no farther stands still; encoders of a real one are no quieter."""
+"""Maximum range of the joints of an arm that stands still; real encoders are no quieter."""
 
-STILL = 1e-6
-"""Rates of an arm that stands still, in rad/s, rad/s^2 and rad/s^3: rounding."""
+STILL_RATE = 1e-6
+"""Maximum rates of an arm that stands still, rad/s, rad/s^2 and rad/s^3: rounding."""
 
-LARGEST_VIEW = 2.5
-"""A panel reaches no farther than so many times the limits, whatever differences of noise give."""
+MAX_VIEW = 2.5
+"""Maximum range of a panel as a multiple of the limits, since noise has large differences."""
 
 MARGIN = 0.12
-"""How much of the limits' range is shown beyond them."""
+"""Share of the limits' range that is shown beyond them."""
 
 EXACT_COLOUR = "#1f5fa8"
 DIFFERENCE_COLOUR = "#8fb3d9"
@@ -51,8 +51,8 @@ _MARKS = {
 }
 """Events that are marked, with their colours."""
 
-MOST_LABELS = 6
-"""More marks than this carry no text, or it could not be read; the legend has it."""
+MAX_LABELS = 6
+"""Maximum number of marks with text, which could not be read otherwise; the legend has it, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def plot_recording(
     """Position, velocity, acceleration and jerk of each joint against its limits.
 
     Args:
-        recording: what happened.
+        recording: the recording to draw.
         limb: "left" or "right"; when not given, those that moved.
         limits: of that arm; when not given, those of the recorded moves, or else the robot's.
 
@@ -171,7 +171,7 @@ def _draw_arm(
         axes_of_row[0].set_ylabel(row.label)
     for axes, name in zip(panels[0], motion.joint_names, strict=True):
         axes.set_title(name, fontsize=11, fontweight="bold", pad=8)
-    if len(events) <= MOST_LABELS:
+    if len(events) <= MAX_LABELS:
         for axes in panels[0]:
             _draw_labels(axes, events)
     for axes in panels[-1]:
@@ -229,7 +229,7 @@ def _bounds(row: _Row, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
 
 def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
     """What a panel shows: the limits and a margin, and values beyond as far as is sensible."""
-    reach = (high - low) / 2 * LARGEST_VIEW
+    reach = (high - low) / 2 * MAX_VIEW
     middle = (low + high) / 2
     margin = MARGIN * (high - low) / 2
     bottom = max(min(low, float(values.min())), middle - reach)
@@ -240,7 +240,7 @@ def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
 def _known(motion: ArmMotion) -> NDArray[np.bool_]:
     """Where the motion is exact: in recorded moves, and where the arm stands still."""
     changes = np.abs(np.concatenate([motion.v, motion.a, motion.j], axis=1))
-    known: NDArray[np.bool_] = motion.is_exact | (changes.max(axis=1) < STILL)
+    known: NDArray[np.bool_] = motion.is_exact | (changes.max(axis=1) < STILL_RATE)
     return known
 
 
