@@ -6,7 +6,6 @@ object-oriented interface is used, so no window is opened and no global state is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,27 +54,13 @@ MAX_LABELS = 6
 """Maximum number of marks with text, which could not be read otherwise; the legend has it, too."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
-    """One row of panels.
-
-    Attributes:
-        label: quantity and unit.
-        key: its name in `ArmMotion`.
-        steps: whether it is constant from each time to the next.
-    """
-
-    label: str
-    key: str
-    steps: bool = False
-
-
-_ROWS = (
-    _Row("position [rad]", "q"),
-    _Row("velocity [rad/s]", "v"),
-    _Row("acceleration [rad/s²]", "a"),
-    _Row("jerk [rad/s³]", "j", steps=True),
-)
+_ROWS = {
+    "q": "position [rad]",
+    "v": "velocity [rad/s]",
+    "a": "acceleration [rad/s²]",
+    "j": "jerk [rad/s³]",
+}
+"""Labels of the rows of panels, by the quantity's name in `ArmMotion`."""
 
 
 def plot_recording(
@@ -163,12 +148,12 @@ def _draw_arm(
 ) -> None:
     events = [event for event in recording.events if event.kind in _MARKS]
     panels = part.subplots(len(_ROWS), len(motion.joint_names), sharex=True)
-    for row, axes_of_row in zip(_ROWS, panels, strict=True):
-        low, high = _bounds(row, limits)
+    for (key, label), axes_of_row in zip(_ROWS.items(), panels, strict=True):
+        low, high = _bounds(key, limits)
         for i, axes in enumerate(axes_of_row):
-            _draw_panel(axes, motion, row, i, (float(low[i]), float(high[i])))
+            _draw_panel(axes, motion, key, i, (float(low[i]), float(high[i])))
             _draw_marks(axes, events)
-        axes_of_row[0].set_ylabel(row.label)
+        axes_of_row[0].set_ylabel(label)
     for axes, name in zip(panels[0], motion.joint_names, strict=True):
         axes.set_title(name, fontsize=11, fontweight="bold", pad=8)
     if len(events) <= MAX_LABELS:
@@ -182,10 +167,10 @@ def _draw_arm(
 
 
 def _draw_panel(
-    axes: Any, motion: ArmMotion, row: _Row, joint: int, bounds: tuple[float, float]
+    axes: Any, motion: ArmMotion, key: str, joint: int, bounds: tuple[float, float]
 ) -> None:
-    values: FloatArray = getattr(motion, row.key)[:, joint]
-    style = "steps-post" if row.steps else "default"
+    values: FloatArray = getattr(motion, key)[:, joint]
+    style = "steps-post" if key == "j" else "default"  # jerks are piecewise constant
     known = _known(motion)
     for mask, colour in ((_widened(~known), DIFFERENCE_COLOUR), (known, EXACT_COLOUR)):
         shown = np.where(mask, values, np.nan)
@@ -220,10 +205,10 @@ def _draw_labels(axes: Any, events: list[Event]) -> None:
         )
 
 
-def _bounds(row: _Row, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
-    if row.key == "q":
+def _bounds(key: str, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+    if key == "q":
         return limits.q_min, limits.q_max
-    most: FloatArray = getattr(limits, f"{row.key}_max")
+    most: FloatArray = getattr(limits, f"{key}_max")
     return -most, most
 
 

@@ -429,6 +429,23 @@ class TestWriting:
             save_recording(large, path)
 
 
+def test_a_base_install_writes_and_reads_it(tmp_path: Path) -> None:
+    """Without the extra for ROS 1."""
+    code = """
+import sys
+sys.modules["rosbags"] = None
+from baxter_kin import Baxter
+from sim import Recorder, Simulation, World, read_recording, save_recording
+robot = Baxter.load()
+with Recorder(robot, sys.argv[1]) as recorder:
+    Simulation(World(robot), [recorder]).wait(0.1)
+save_recording(read_recording(sys.argv[1]).recording, sys.argv[2])
+assert len(read_recording(sys.argv[2], robot).recording.times_s) == 11
+"""
+    files = [str(tmp_path / "run.mcap"), str(tmp_path / "run.csv")]
+    subprocess.run([sys.executable, "-c", code, *files], check=True, timeout=DEADLINE_S)
+
+
 class TestMessagesOfRos1:
     """As `mcap convert` makes them of bags, and as earlier versions wrote them."""
 
