@@ -22,12 +22,11 @@ from ros1_figures.robot_process import robot_process
 from sim import Simulation, World, read_log
 from sim.demo.scene import BLOCK, demo_bodies, overhead
 from sim.outcome import Dwell
-from sim.ros1.execution.execution import MeasuredOutcome
-from sim.ros1.execution.executor import RosExecutor
-from sim.ros1.execution.link.baxter_link import STATE, BaxterLink, command_topic
-from sim.ros1.execution.ready_plan import ExecutionOptions
+from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
+from sim.ros1.execution.link import STATE, BaxterLink, command_topic
+from sim.ros1.execution.readiness import ExecutionOptions
+from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
-from sim.ros1.execution.stream.set_points import Pace
 from sim.ros1.node import Node
 
 RUNS = 20

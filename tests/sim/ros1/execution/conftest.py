@@ -11,11 +11,11 @@ import pytest
 from baxter_kin import Baxter
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
 from sim.outcome import Dwell
-from sim.ros1.execution.executor import RosExecutor
-from sim.ros1.execution.guard import watch
-from sim.ros1.execution.link.baxter_link import BaxterLink
-from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
-from sim.ros1.execution.stream.set_points import Pace
+from sim.ros1.execution import stops
+from sim.ros1.execution.execution import RosExecutor
+from sim.ros1.execution.link import BaxterLink
+from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
 from tests.conftest import overhead
 from tests.sim.ros1.execution.bus import Bus, BusNode
@@ -43,7 +43,7 @@ class Network:
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests share a busy computer, on which a robot may fall silent for longer than allowed."""
-    monkeypatch.setattr(watch, "OLDEST_S", 2.0)
+    monkeypatch.setattr(stops, "MAX_AGE_S", 2.0)
 
 
 @pytest.fixture(scope="session")

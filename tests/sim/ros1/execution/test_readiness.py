@@ -11,9 +11,8 @@ from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.fields import evolve
 from planner import Grip, Move, Plan, verify
 from sim.ros1.execution import readiness
-from sim.ros1.execution.guard.stages import MoveStage
-from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError, Readiness
-from sim.ros1.execution.stream.set_points import Pace
+from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, Readiness
+from sim.ros1.execution.set_points import Pace
 from tests.sim.ros1.execution.conftest import FAST, Network
 
 
@@ -136,7 +135,7 @@ def test_a_move_without_room_for_the_guard_is_refused(
 ) -> None:
     ready = looked(network, demo_plan).ready
     assert ready is not None
-    first = next(stage for stage in ready.stages if isinstance(stage, MoveStage)).rooms[0]
+    first = ready.clearances[0]
     monkeypatch.setattr(readiness, "KEPT_M", min(first.clear_m) + 1e-3)
     found = looked(network, demo_plan)
     assert found.ready is None

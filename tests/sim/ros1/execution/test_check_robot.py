@@ -1,4 +1,4 @@
-"""Preflight: each condition of the robot, and what is said where it does not hold."""
+"""Readiness of a robot: each condition of the robot, and what is said where it does not hold."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 import pytest
 
 from sim.ros1.definitions import message_type
-from sim.ros1.execution import preflight
-from sim.ros1.execution.preflight import Finding, look_at_robot
+from sim.ros1.execution import readiness
+from sim.ros1.execution.readiness import Finding, check_robot
 from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import Network
 
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preflight, "FIRST_S", 0.5)
+    monkeypatch.setattr(readiness, "FIRST_S", 0.5)
 
 
 def found(network: Network) -> dict[str, list[Finding]]:
     findings: dict[str, list[Finding]] = {}
-    for finding in look_at_robot(network.link, ["left"], grips=["left"]):
+    for finding in check_robot(network.link, ["left"], grips=["left"]):
         findings.setdefault(finding.name, []).append(finding)
     return findings
 
@@ -73,7 +73,7 @@ CASES: list[tuple[str, Callable[[Network], object], str]] = [
         "left_s1 is published by /baxter and /stranger",
     ),
     ("joint states", lambda network: setattr(network.robot, "every", 5), "Hz are needed"),
-    ("joint states", silence, "nothing was heard of left_s0"),
+    ("joint states", silence, "nothing was received of left_s0"),
     ("left arm", advertise(*COMMAND), "/stranger may command it"),
     ("left gripper", uncalibrate, "not calibrated"),
 ]
@@ -93,7 +93,7 @@ def test_each_condition_that_does_not_hold_is_told(
     assert text in failed[0].text
 
 
-def test_nothing_is_advertised_by_looking(network: Network) -> None:
+def test_nothing_is_advertised_by_checking(network: Network) -> None:
     found(network)
     own = [topic for topic, ends in network.bus.publishers.items() if ends]
     assert not [topic for topic in own if "/baxter_kin" in network.node.publishers_of(topic)]

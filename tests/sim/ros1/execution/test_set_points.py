@@ -8,14 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
-from planner import Move, Plan, plan_joint_move
+from planner import Grip, Move, Plan, plan_joint_move
 from planner.motion.response import TICK_S
 from sim.errors import SimulationError
-from sim.ros1.execution.stream.set_points import (
-    FASTEST_RAD_S,
+from sim.ros1.execution.set_points import (
+    MAX_SPEED_RAD_S,
     Pace,
+    PlanTime,
+    Schedule,
     SentMotion,
     motions_of,
+    parts_of,
     slowed,
     speed_ratio_for,
     too_fast,
@@ -67,7 +70,7 @@ def test_no_joint_is_sent_faster_than_its_peak_says(move: Move, pace: Pace) -> N
 
 @given(st.lists(st.floats(0.0, 1.6), min_size=7, max_size=7))
 def test_the_cap_exceeds_what_is_sent_by_a_fifth(peaks: list[float]) -> None:
-    cap = speed_ratio_for(np.array(peaks)) * np.array(FASTEST_RAD_S)
+    cap = speed_ratio_for(np.array(peaks)) * np.array(MAX_SPEED_RAD_S)
     assert (cap >= 1.2 * np.array(peaks) - ROUNDING).all()
 
 
@@ -86,8 +89,21 @@ def test_moves_that_pass_into_each_other_are_one_motion(demo_plan: Plan) -> None
     ]
     both = approach.trajectory.duration + descend.trajectory.duration
     assert motions[0].duration_s == pytest.approx(both / 0.5)
-    assert motions[0].number_at(approach.trajectory.duration + 1e-6) == 1
-    assert motions[0].number_at(approach.trajectory.duration - 1e-6) == 0
+    assert motions[0].index_at(approach.trajectory.duration + 1e-6) == 1
+    assert motions[0].index_at(approach.trajectory.duration - 1e-6) == 0
+
+
+def test_the_fingers_act_between_the_moves(demo_plan: Plan) -> None:
+    parts = list(parts_of(demo_plan))
+    labels = [[step.label for step in part] if isinstance(part, tuple) else part for part in parts]
+    assert labels[1::2] == [
+        ["pick: approach", "pick: descend"],
+        ["pick: retract", "place: approach", "place: descend"],
+        ["place: retract", *(move.label for move in demo_plan.moves[6:])],
+    ]
+    assert [part.action.value for part in parts[::2] if isinstance(part, Grip)] == [
+        *("open", "close", "open"),
+    ]
 
 
 @given(speed=st.floats(0.05, 1.0), share=st.floats(0.0, 1.0))
@@ -103,3 +119,57 @@ def test_a_slowed_motion_goes_the_same_way(move: Move, speed: float, share: floa
 def test_rejects_what_is_no_pace(speed: float, lead_s: float) -> None:
     with pytest.raises(SimulationError, match=r"speed|lead_s"):
         Pace(speed, lead_s)
+
+
+DELAYS_S = st.lists(st.floats(0.0, 0.3), min_size=1, max_size=60)
+ROUNDING_S = 1e-9
+
+
+def driven(delays_s: list[float], begin_s: float = 100.0) -> tuple[list[float], list[float]]:
+    """When ticks come that are each late by so much, and how far plan time has come at each."""
+    schedule, clock = Schedule(begin_s), PlanTime(begin_s)
+    came, passed = [], []
+    now_s = begin_s
+    for delay_s in delays_s:
+        now_s = max(now_s, schedule.due_s) + delay_s
+        schedule.advance(now_s)
+        came.append(now_s)
+        passed.append(clock.advance(now_s))
+    return came, passed
+
+
+@given(DELAYS_S)
+def test_plan_time_neither_jumps_nor_overtakes_the_clock(delays_s: list[float]) -> None:
+    came, passed = driven(delays_s)
+    steps = np.diff([0.0, *passed])
+    gone = np.diff([100.0, *came])
+    assert (steps >= 0.0).all()
+    assert (steps <= np.minimum(gone, 2 * TICK_S) + ROUNDING_S).all()
+
+
+@given(DELAYS_S)
+def test_a_late_tick_is_not_made_up_by_a_burst(delays_s: list[float]) -> None:
+    schedule, now_s = Schedule(0.0), 0.0
+    slots = []
+    for delay_s in delays_s:
+        slots.append(round(schedule.due_s / TICK_S))
+        assert schedule.due_s == pytest.approx(slots[-1] * TICK_S)
+        now_s = max(now_s, schedule.due_s) + delay_s
+        assert schedule.advance(now_s) == pytest.approx(now_s - slots[-1] * TICK_S)
+        assert schedule.due_s > now_s - ROUNDING_S  # the next one is not due already
+    assert len(set(slots)) == len(slots)
+
+
+def test_plan_time_is_the_clock_where_nothing_is_late() -> None:
+    _, passed = driven([0.0] * 101)
+    assert passed[-1] == pytest.approx(1.0)
+
+
+def test_a_tick_of_more_than_20_ms_late_lets_plan_time_stand_still() -> None:
+    _, passed = driven([0.0, 0.13])
+    assert passed == pytest.approx([0.0, TICK_S])
+
+
+def test_a_tick_of_15_ms_late_is_caught_up_with_by_two_ticks_at_most() -> None:
+    _, passed = driven([0.0, 0.015])
+    assert passed == pytest.approx([0.0, 2 * TICK_S])

@@ -12,16 +12,17 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Plan, PlanFailure
+from baxter_kin.validation import FloatArray
+from planner import Grip, Plan, PlanFailure
 from sim import EventKind, Observer, Recorder, Snapshot
 from sim.errors import RecordingError, SimulationError
 from sim.outcome import Dwell
 from sim.ros1.definitions import message_type
-from sim.ros1.execution.execution import MeasuredOutcome
-from sim.ros1.execution.executor import RosExecutor
-from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.channel import ArmChannel
+from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
+from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
-from sim.ros1.execution.stream.set_points import Pace
 from sim.samples import Sample, SampleObserver
 from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import FAST, Network, networked
@@ -41,9 +42,9 @@ class Samples(SampleObserver):
         self.samples.append(sample)
 
 
-def first_moves(ready: ReadyPlan, count: int) -> ReadyPlan:
-    """Only the first stages, to be quick."""
-    return evolve(ready, stages=ready.stages[:count])
+def first_steps(ready: ReadyPlan, count: int = 3) -> ReadyPlan:
+    """Only the first steps, by default to open, approach and descend, to be quick."""
+    return evolve(ready, plan=evolve(ready.plan, steps=ready.plan.steps[:count]))
 
 
 def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
@@ -83,6 +84,15 @@ def test_the_gripper_is_told_to_close_fully_and_the_ratio_is_put_back(
     assert sequences == [1, 2, 3]
     assert network.robot.ratios == [ready.ratio, 0.3]
     assert set(network.bus.registered("/baxter_kin")) == listened(network)
+
+
+def test_fingers_are_not_sent_beyond_their_stroke(network: Network, ready: ReadyPlan) -> None:
+    grip = ready.plan.steps[0]
+    assert isinstance(grip, Grip)
+    wide = evolve(ready.plan, steps=(evolve(grip, opening_m=0.05),))
+    outcome = network.executor().execute(evolve(ready, plan=wide))
+    assert outcome.is_success, outcome.failure
+    assert [each.args for each in network.robot.gripper_commands] == ['{"position": 100.0}']
 
 
 def listened(network: Network) -> set[str]:
@@ -267,7 +277,7 @@ def test_the_last_set_point_stands_as_long_as_the_tracking_proof_counts_on(
 ) -> None:
     """This arm follows at once, so nothing else makes it wait."""
     samples = Samples()
-    outcome = network.executor(samples).execute(first_moves(ready, 2))
+    outcome = network.executor(samples).execute(first_steps(ready))
     assert outcome.is_success, outcome.failure
     goal = samples.samples[-1].q_sent
     standing = [each.time_s for each in samples.samples if (each.q_sent == goal).all()]
@@ -279,7 +289,7 @@ def test_an_arm_that_does_not_come_to_rest_is_named(
     network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Gravity, say: always a degree below where it should be."""
-    monkeypatch.setattr("sim.ros1.execution.stream.arm_stream.SETTLE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("sim.ros1.execution.execution.SETTLE_TIMEOUT_S", 0.5)
     network.robot.sag = {"left_s1": 0.012}
     outcome = network.executor().execute(ready)
     assert outcome.stop is not None
@@ -327,7 +337,7 @@ def test_an_observer_that_is_slow_delays_no_set_point(network: Network, ready: R
         def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002
             time.sleep(0.02)
 
-    outcome = network.executor(Slow()).execute(first_moves(ready, 2))
+    outcome = network.executor(Slow()).execute(first_steps(ready))
     assert outcome.is_success, outcome.failure
     assert outcome.lateness_s[0] < 0.005
 
@@ -337,17 +347,16 @@ def test_set_points_do_not_jump_when_the_machine_is_busy(
 ) -> None:
     """A pause of 130 ms in the middle of a move."""
     paused = []
-    channel = "sim.ros1.execution.link.channel.ArmChannel.send"
-    send = __import__("sim.ros1.execution.link.channel", fromlist=["ArmChannel"]).ArmChannel.send
+    send = ArmChannel.send
 
-    def sleepy(self: object, q: object) -> None:
+    def sleepy(self: ArmChannel, q: FloatArray) -> None:
         send(self, q)
         paused.append(q)
         if len(paused) == 100:
             time.sleep(0.13)
 
-    monkeypatch.setattr(channel, sleepy)
-    outcome = network.executor().execute(first_moves(ready, 2))
+    monkeypatch.setattr(ArmChannel, "send", sleepy)
+    outcome = network.executor().execute(first_steps(ready))
     assert outcome.is_success, outcome.failure
     assert outcome.lateness_s[2] > 0.1
     steps = np.abs(np.diff(np.array(paused), axis=0)).max(axis=0)
@@ -357,7 +366,7 @@ def test_set_points_do_not_jump_when_the_machine_is_busy(
 def test_a_robot_that_cannot_be_enabled_is_told_of_and_nothing_moves(
     network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim.ros1.execution.executor.ENABLE_S", 1.0)
+    monkeypatch.setattr("sim.ros1.execution.execution.ENABLE_S", 1.0)
     network.robot.state["stopped"] = True
     with pytest.raises(SimulationError, match="not enabled"):
         network.executor().execute(ready)
