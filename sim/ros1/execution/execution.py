@@ -349,7 +349,7 @@ class Execution:
             return None
         stop = self._located(is_done)
         if stop.cause is StopCause.GRIPPER_MISSED:
-            twin.put(twin.tell, event_s, EventKind.MISSED, str(is_done), self._limb)
+            twin.put(twin.notify, event_s, EventKind.MISSED, str(is_done), self._limb)
         return stop
 
     def _hold(self) -> None:
@@ -426,7 +426,7 @@ class Execution:
     def _tell(
         self, kind: EventKind, text: str, side: str | None = None, move: Move | None = None
     ) -> None:
-        self.twin.put(self.twin.tell, self._event_s, kind, text, side, move)
+        self.twin.put(self.twin.notify, self._event_s, kind, text, side, move)
 
     def _report(self, sample: Sample) -> None:
         """Store a sample, and show it with what is measured to the observers."""

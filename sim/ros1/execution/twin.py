@@ -21,7 +21,7 @@ from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
 from planner import Grip, GripperAction, Move
 from planner.state import State
-from sim.events import EventKind, Observer, opening_text, rest_text
+from sim.events import EventKind, Observer, opening_text
 from sim.samples import Sample, SampleObserver
 from sim.timeline import Timeline
 from sim.world.gripper import GripperState
@@ -63,7 +63,7 @@ class Twin:
         """Start the thread; the bodies of the plan are its first events."""
         for body in self.world.scene:
             text = f"{body.name}, where the plan has it"
-            self.put(partial(self._timeline.tell, EventKind.SPAWNED, text, body=body))
+            self.put(partial(self._timeline.notify, EventKind.SPAWNED, text, body=body))
         self._thread = threading.Thread(target=self._run, name="observers", daemon=True)
         self._thread.start()
 
@@ -115,7 +115,7 @@ class Twin:
             if isinstance(observer, SampleObserver):
                 observer.on_sample(sample)
 
-    def tell(
+    def notify(
         self,
         time_s: float,
         kind: EventKind,
@@ -125,27 +125,26 @@ class Twin:
     ) -> None:
         """Report an event."""
         self._timeline.time_s = time_s
-        self._timeline.tell(kind, text, side, move=move)
+        self._timeline.notify(kind, text, side, move=move)
 
     def gripped(self, time_s: float, side: str, grip: Grip, percent: float) -> None:
         """Attach the body that the fingers closed on, or drop the one that they let go."""
         self._timeline.time_s = time_s
-        world, tell = self.world, self._timeline.tell
+        world, timeline = self.world, self._timeline
         if grip.action is GripperAction.CLOSE:
             name = grip.body
             if name is not None and name in world.scene.bodies:
                 T_tip_body = world.T_base_tip(side).inverse() * world.body(name).T_base_body
                 world.attach(side, name, T_tip_body)
                 text = f"{name} grasped, as the gripper reports ({percent:.0f} % open)"
-                tell(EventKind.GRASPED, text, side, body=world.body(name))
+                timeline.notify(EventKind.GRASPED, text, side, body=world.body(name))
             return
         name = world.detach(side)
         if name is None:
-            tell(EventKind.OPENED, opening_text(side, percent), side)
-            return
-        tell(EventKind.RELEASED, f"{name} released", side, body=world.body(name))
-        rest = world.settle(name)
-        tell(EventKind.SETTLED, rest_text(name, rest), body=world.body(name), detail=rest)
+            timeline.notify(EventKind.OPENED, opening_text(side, percent), side)
+        else:
+            timeline.released(side, name)
+            timeline.settled(name, world.settle(name))
 
     def _run(self) -> None:
         while (task := self._tasks.get()) is not None:

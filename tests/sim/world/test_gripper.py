@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from baxter_kin.errors import UnknownNameError
 from planner import Body, Box, Part
-from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import SimulationError, World
 from sim.world import Gripper, GripperState
 from sim.world.gripper import Closing
@@ -163,21 +162,8 @@ def test_a_hand_that_was_closed_finds_nothing(world: World, gripper: Gripper) ->
     assert gripper.closing().body is None
 
 
-@given(st.floats(0.0, 0.020833), st.floats(0.0, 0.020833))
-def test_fingers_take_their_way_over_their_speed(shared: World, begin: float, end: float) -> None:
-    shared.set_fingers("left", begin)
-    expected = abs(end - begin) / FINGER_SPEED_M_S
-    assert Gripper(shared, "left").travel_time_s(end) == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_whole_stroke_takes_042_s(gripper: Gripper) -> None:
-    assert gripper.travel_time_s(0.0) == pytest.approx(0.42, abs=0.005)
-
-
 @pytest.mark.parametrize("finger_m", [None, "open", np.nan, np.inf, [0.0]])
 def test_a_finger_position_that_is_none_is_refused(gripper: Gripper, finger_m: Any) -> None:
-    with pytest.raises(SimulationError, match=r"finger position|finger_m"):
-        gripper.travel_time_s(finger_m)
     with pytest.raises(SimulationError, match=r"finger position|finger_m"):
         gripper.finish(Closing(finger_m))
 
