@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from sim.ros1.execution.stops import StopCause as StopCause
     from sim.ros1.master import Master as Master
     from sim.ros1.node import Node as Node
-    from sim.ros1.robot.parts.arm_motion import Follow as Follow
-    from sim.ros1.robot.parts.arm_motion import Following as Following
+    from sim.ros1.robot.arm_motion import Follow as Follow
+    from sim.ros1.robot.arm_motion import Following as Following
     from sim.ros1.robot.ros_robot import RosRobot as RosRobot
     from sim.samples import Sample as Sample
     from sim.samples import SampleObserver as SampleObserver
@@ -26,8 +26,8 @@ __all__, __getattr__ = lazy(
     {
         "BaxterLink": "sim.ros1.execution.link",
         "ExecutionOptions": "sim.ros1.execution.readiness",
-        "Follow": "sim.ros1.robot.parts.arm_motion",
-        "Following": "sim.ros1.robot.parts.arm_motion",
+        "Follow": "sim.ros1.robot.arm_motion",
+        "Following": "sim.ros1.robot.arm_motion",
         "Master": "sim.ros1.master",
         "Node": "sim.ros1.node",
         "NotReadyError": "sim.ros1.execution.readiness",

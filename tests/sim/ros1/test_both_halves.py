@@ -20,7 +20,7 @@ from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from sim.ros1.node import Node
-from sim.ros1.robot.parts.arm_motion import Follow, Following
+from sim.ros1.robot.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
 from sim.world.contacts import Contact
 from tests.sim.ros1.execution.conftest import demo_plan, patient  # noqa: F401 - fixtures

@@ -1,6 +1,6 @@
-"""Inlets: what the robot is told, done between two ticks in the order in which it came.
+"""Subscribers: messages to the simulated Baxter, processed between two ticks in their order.
 
-What makes no sense is ignored whole, counted, and said at most once a second of a topic and its
+An invalid message is ignored whole, counted, and reported at most once a second for a topic and its
 sender.
 """
 
@@ -13,10 +13,10 @@ from functools import partial
 
 from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.node import Node
+from sim.ros1.robot.arm_motion import BadOrderError
 from sim.ros1.robot.baxter import SimulatedBaxter
-from sim.ros1.robot.complaints import Complaints
-from sim.ros1.robot.parts.electric_gripper import GripperOrder
-from sim.ros1.robot.parts.joint_order import BadOrderError
+from sim.ros1.robot.diagnostics import Diagnostics
+from sim.ros1.robot.gripper import GripperOrder
 from sim.ros1.transport.tcpros.subscription import Received
 from sim.ros1_fields import Message
 
@@ -24,33 +24,33 @@ CORE = "baxter_core_msgs"
 PRESS_TOPIC = "/robot/sim/press"
 """Our own, `std_msgs/String`: "left ok", "right cuff", "left estop", "left release"."""
 
-MOST_WAITING = 10_000
-"""Messages that wait for a tick; the oldest are dropped from then on."""
+MAX_WAITING = 10_000
+"""Messages that may wait for a tick; beyond that the oldest are dropped."""
 
 Act = Callable[[Message], object]
-"""Does what a message asks; returns phrases of what was clipped, if anything was."""
+"""Executes a message; returns a phrase for each value that was clipped, if any."""
 
 
-class Inlets:
-    """All that the robot listens to."""
+class Subscribers:
+    """All topics that the robot subscribes to."""
 
-    def __init__(self, baxter: SimulatedBaxter, node: Node, complaints: Complaints) -> None:
-        """Listen.
+    def __init__(self, baxter: SimulatedBaxter, node: Node, diagnostics: Diagnostics) -> None:
+        """Subscribe.
 
         Args:
             baxter: the robot.
-            node: who listens.
-            complaints: told what makes no sense.
+            node: the node that subscribes.
+            diagnostics: of invalid messages.
         """
-        self._baxter, self._node, self._complaints = baxter, node, complaints
-        self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
-        self._listen_to_robot()
+        self._baxter, self._node, self._diagnostics = baxter, node, diagnostics
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
+        self._subscribe_to_robot()
         for side in LIMBS:
-            self._listen_to_limb(side)
-            self._listen_to_hand(side)
+            self._subscribe_to_limb(side)
+            self._subscribe_to_hand(side)
 
     def between_ticks(self, act: Callable[[], None]) -> Future[None]:
-        """Let something be done between two ticks, by whichever thread ticks."""
+        """Call a function between two ticks, in the thread that ticks."""
         done: Future[None] = Future()
 
         def do() -> None:
@@ -58,7 +58,7 @@ class Inlets:
                 return
             try:
                 act()
-            except Exception as cause:  # raised where the result is asked for
+            except Exception as cause:  # raised to the one that waits for the result
                 done.set_exception(cause)
             else:
                 done.set_result(None)
@@ -66,30 +66,30 @@ class Inlets:
         self._waiting.append(do)
         return done
 
-    def work_off(self) -> None:
-        """Do all that came since the last time."""
+    def process(self) -> None:
+        """Process all that has arrived since the last time."""
         for _ in range(len(self._waiting)):
             self._waiting.popleft()()
 
     def _on(self, topic: str, type_name: str, act: Act) -> None:
         def wait(received: Received) -> None:
-            self._waiting.append(partial(self._obey, topic, act, received))
+            self._waiting.append(partial(self._process_one, topic, act, received))
 
         self._node.subscribe(topic, type_name, wait)
 
-    def _obey(self, topic: str, act: Act, received: Received) -> None:
+    def _process_one(self, topic: str, act: Act, received: Received) -> None:
         try:
             clipped = act(received.message)
         except BadOrderError as cause:
-            self._complain(topic, received.sender, str(cause))
+            self._report(topic, received.sender, str(cause))
         else:
             if isinstance(clipped, tuple) and clipped:
-                self._complain(topic, received.sender, "; ".join(clipped))
+                self._report(topic, received.sender, "; ".join(clipped))
 
-    def _complain(self, topic: str, sender: str, text: str) -> None:
-        self._complaints.about(topic, sender, text, self._baxter.time_s)
+    def _report(self, topic: str, sender: str, text: str) -> None:
+        self._diagnostics.add(topic, sender, text, self._baxter.time_s)
 
-    def _listen_to_robot(self) -> None:
+    def _subscribe_to_robot(self) -> None:
         baxter, panel, head = self._baxter, self._baxter.panel, "/robot/head/command_head"
         self._on("/robot/set_super_enable", "std_msgs/Bool", self._enable)
         self._on("/robot/set_super_reset", "std_msgs/Empty", lambda _: baxter.reset())
@@ -118,7 +118,7 @@ class Inlets:
         side, _, button = message.data.partition(" ")
         self._baxter.press(side, button)
 
-    def _listen_to_limb(self, side: str) -> None:
+    def _subscribe_to_limb(self, side: str) -> None:
         baxter, arm, limb = self._baxter, self._baxter.arms[side], f"/robot/limb/{side}"
         self._on(
             f"{limb}/joint_command",
@@ -136,12 +136,11 @@ class Inlets:
         feed_forward = "trajectory_msgs/JointTrajectoryPoint"  # of torques; nothing has a mass
         self._on(f"{limb}/inverse_dynamics_command", feed_forward, lambda _: None)
 
-    def _listen_to_hand(self, side: str) -> None:
+    def _subscribe_to_hand(self, side: str) -> None:
         hand = f"/robot/end_effector/{side}_gripper"
 
         def order(m: Message) -> None:
-            told = GripperOrder(m.command, m.args, m.sender, m.sequence)
-            self._baxter.order_gripper(side, told)
+            self._baxter.order_gripper(side, GripperOrder(m.command, m.args, m.sender, m.sequence))
 
         self._on(f"{hand}/command", f"{CORE}/EndEffectorCommand", order)
         for what, kind in (("properties", "EndEffectorProperties"), ("state", "EndEffectorState")):

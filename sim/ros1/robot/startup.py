@@ -1,4 +1,4 @@
-"""Where the arms of a simulated Baxter are at first, and the bodies around it."""
+"""Startup: the first positions of a simulated Baxter's arms, and the bodies around it."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ GAZEBO_START_RAD: Mapping[str, tuple[float, ...]] = FrozenMapping(
 """Where the original simulator spawns the robot's arms, hanging down."""
 
 TUCKED_LEFT_RAD = (-1.0, -2.175, 3.0, 2.55, 0.0, 0.01, 0.0)
-"""As the original `tuck_arms` leaves the left arm, but s1 as a lab saw it on its Baxter: 0.03 rad
-outside the limits of the URDF."""
+"""As the original `tuck_arms` leaves the left arm, but s1 as a lab measured it on its Baxter: 0.03
+rad outside the limits of the URDF."""
 
 TABLE_WORLD_M = (1.0, 0.0, 0.0)
 BLOCK_WORLD_M = (0.6725, 0.1265, 0.7825)
 """Where the original demo spawns both."""
 
 TABLE, BLOCK = "cafe_table", "block"
-"""What the original demo calls them."""
+"""Their names in the original demo."""
 
 
 def start_rad(*, is_tucked: bool) -> dict[str, FloatArray]:
-    """Where both arms stand at first, by side, shape (7,), rad."""
+    """First positions of both arms by side, shape (7,), rad."""
     if not is_tucked:
         return {side: np.array(GAZEBO_START_RAD[side]) for side in LIMBS}
     left = np.array(TUCKED_LEFT_RAD)

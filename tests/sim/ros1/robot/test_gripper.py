@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from planner import Body
 from sim import EventKind, Simulation, World
-from sim.ros1.robot.parts.electric_gripper import PARAMETERS, ElectricGripper, GripperOrder
-from sim.ros1.robot.parts.fingers import Fingers
-from sim.ros1.robot.parts.joint_order import BadOrderError
+from sim.ros1.robot.arm_motion import BadOrderError
+from sim.ros1.robot.gripper import PARAMETERS, ElectricGripper, Fingers, GripperOrder
 from sim.timeline import Timeline
 from sim.world import Gripper
 from sim.world.contacts import ContactWatch
@@ -154,7 +153,7 @@ class TestClosing:
         bench.send("go", position=0.0)
         bench.run(0.02)
         bench.world.delete("block")
-        bench.gripper.look_again()
+        bench.gripper.refresh()
         bench.run(1.0)
         assert bench.gripper.has_missed
 
@@ -232,7 +231,7 @@ class TestOpening:
         bench.send("go", position=100.0)
         bench.run(0.02)
         bench.world.delete("block")
-        bench.gripper.look_again()
+        bench.gripper.refresh()
         bench.run(0.5)
         assert EventKind.SETTLED not in bench.kinds
 

@@ -1,4 +1,4 @@
-"""Complaints are counted always and said once a second."""
+"""Diagnostics are counted always and said once a second."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.ros1.robot.complaints import MOST_KNOWN, Complaints
+from sim.ros1.robot.diagnostics import MAX_KNOWN, Diagnostics
 
 TIMES = st.lists(st.floats(0.0, 100.0), min_size=1).map(sorted)
 
@@ -15,13 +15,13 @@ TIMES = st.lists(st.floats(0.0, 100.0), min_size=1).map(sorted)
 @given(TIMES)
 def test_says_at_most_one_a_second_and_counts_all(times: list[float]) -> None:
     said: list[str] = []
-    complaints = Complaints(said.append)
+    diagnostics = Diagnostics(said.append)
     said_s: list[float] = []
     for time_s in times:
         before = len(said)
-        complaints.about("/topic", "/sender", "left_s0 = nan", time_s)
+        diagnostics.add("/topic", "/sender", "left_s0 = nan", time_s)
         said_s += [time_s] * (len(said) - before)
-    assert complaints.counts["/topic"] == len(times)
+    assert diagnostics.counts["/topic"] == len(times)
     assert said[0] == "/topic from /sender: left_s0 = nan"
     assert said_s[0] == times[0]
     assert all(later - earlier >= 1.0 for earlier, later in pairwise(said_s))
@@ -29,9 +29,9 @@ def test_says_at_most_one_a_second_and_counts_all(times: list[float]) -> None:
 
 def test_other_senders_are_said_at_once_and_what_was_not_said_is_told() -> None:
     said: list[str] = []
-    complaints = Complaints(said.append)
+    diagnostics = Diagnostics(said.append)
     for sender, time_s in (("/a", 0.0), ("/a", 0.1), ("/a", 0.2), ("/b", 0.3), ("/a", 1.5)):
-        complaints.about("/topic", sender, "bad", time_s)
+        diagnostics.add("/topic", sender, "bad", time_s)
     assert said == [
         "/topic from /a: bad",
         "/topic from /b: bad",
@@ -40,8 +40,8 @@ def test_other_senders_are_said_at_once_and_what_was_not_said_is_told() -> None:
 
 
 def test_any_number_of_senders_takes_no_more_memory() -> None:
-    complaints = Complaints(lambda _: None)
-    for number in range(3 * MOST_KNOWN):
-        complaints.about("/topic", f"/sender_{number}", "bad", 0.0)
-    assert len(complaints._said_s) <= MOST_KNOWN
-    assert complaints.counts.total() == 3 * MOST_KNOWN
+    diagnostics = Diagnostics(lambda _: None)
+    for number in range(3 * MAX_KNOWN):
+        diagnostics.add("/topic", f"/sender_{number}", "bad", 0.0)
+    assert len(diagnostics._reported_s) <= MAX_KNOWN
+    assert diagnostics.counts.total() == 3 * MAX_KNOWN

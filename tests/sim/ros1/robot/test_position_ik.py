@@ -14,7 +14,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.frames import quaternion_xyzw
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import service_type
-from sim.ros1.robot.services.position_ik import TYPE, PositionIK
+from sim.ros1.robot.position_ik import TYPE, PositionIK
 from tests.conftest import overhead
 
 POSE_M = 1e-6

@@ -18,9 +18,9 @@ from planner.errors import SceneError
 from sim import World
 from sim.ros1.definitions import message_type
 from sim.ros1.robot.baxter import SimulatedBaxter
-from sim.ros1.robot.complaints import Complaints
-from sim.ros1.robot.parts.panel import OUTPUTS, PRESSABLE
-from sim.ros1.robot.topics.inlet import Inlets
+from sim.ros1.robot.diagnostics import Diagnostics
+from sim.ros1.robot.panel import OUTPUTS, PRESSABLE
+from sim.ros1.robot.subscribers import Subscribers
 from sim.ros1.transport.tcpros.subscription import Received
 
 SPEEDS = np.array([2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0])
@@ -93,9 +93,9 @@ class Bench:
     def __init__(self, robot: Baxter) -> None:
         self.baxter, self.ears = SimulatedBaxter(World(robot)), Ears()
         self.said: list[str] = []
-        self.complaints = Complaints(self.said.append)
+        self.diagnostics = Diagnostics(self.said.append)
         node: Any = self.ears
-        self.inlets = Inlets(self.baxter, node, self.complaints)
+        self.subscribers = Subscribers(self.baxter, node, self.diagnostics)
 
     def send(self, topic: str, **values: Any) -> None:
         for name, kind, callback in self.ears.topics:
@@ -110,7 +110,7 @@ def test_no_messages_break_it(robot: Baxter, data: st.DataObject) -> None:
     topics = st.sampled_from([(topic, kind) for topic, kind, _ in bench.ears.topics])
     for topic, kind in data.draw(st.lists(topics, max_size=25)):
         bench.send(topic, **data.draw(VALUES[kind]))
-        bench.inlets.work_off()
+        bench.subscribers.process()
         before = {side: arm.q.copy() for side, arm in bench.baxter.arms.items()}
         bench.baxter.tick(2)
         for side, arm in bench.baxter.arms.items():
@@ -127,16 +127,16 @@ def test_messages_of_one_tick_are_obeyed_in_their_order(robot: Baxter, side: str
     bench.send("/robot/set_super_enable", data=True)
     bench.send(topic, mode=1, names=[f"{side}_s0", f"{side}_w2"], command=[0.5, 0.5])
     bench.send(topic, mode=1, names=[f"{side}_s0"], command=[0.1])
-    bench.inlets.work_off()
+    bench.subscribers.process()
     assert bench.baxter.arms[side].target[[0, 6]].tolist() == [0.1, 0.5]
 
 
 def test_what_is_done_between_ticks_has_its_result_or_its_error(robot: Baxter, block: Body) -> None:
     bench = Bench(robot)
-    first = bench.inlets.between_ticks(lambda: bench.baxter.spawn(block))
-    second = bench.inlets.between_ticks(lambda: bench.baxter.spawn(block))
+    first = bench.subscribers.between_ticks(lambda: bench.baxter.spawn(block))
+    second = bench.subscribers.between_ticks(lambda: bench.baxter.spawn(block))
     assert not first.done()
-    bench.inlets.work_off()
+    bench.subscribers.process()
     assert first.result(0.0) is None
     with pytest.raises(SceneError, match="already"):
         second.result(0.0)
@@ -144,7 +144,7 @@ def test_what_is_done_between_ticks_has_its_result_or_its_error(robot: Baxter, b
 
 def test_what_nobody_waits_for_any_more_is_not_done(robot: Baxter, block: Body) -> None:
     bench = Bench(robot)
-    done = bench.inlets.between_ticks(lambda: bench.baxter.spawn(block))
+    done = bench.subscribers.between_ticks(lambda: bench.baxter.spawn(block))
     done.cancel()
-    bench.inlets.work_off()
+    bench.subscribers.process()
     assert not bench.baxter.world.scene.bodies

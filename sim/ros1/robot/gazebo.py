@@ -1,15 +1,20 @@
-"""Model text: bodies as Gazebo's services are given them, in SDF or URDF.
+"""Gazebo's services: bodies that are spawned and deleted, described in SDF or URDF.
 
-Read are the shapes of all links, boxes, cylinders, spheres and triangle meshes, as one rigid body:
+Names are those of the world's bodies. Positions in "world" are on the floor, 0.93 m below base. A
+quaternion of zeros, as the original demo sends it, is no rotation.
+
+The shapes of all links are read, boxes, cylinders, spheres and triangle meshes, as one rigid body:
 those for collision, or where a model has none the visible ones, and their colour. A model with
 joints that move, planes, terrains, or models inside of it is refused. Masses, friction and plugins
-are not read. A model is movable unless it says that it is static.
+are ignored. A model is movable unless it is marked as static.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent import futures
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,22 +22,129 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.description.urdf_reading import Element, read_xml
-from baxter_kin.display import quoted
-from baxter_kin.errors import DescriptionError
+from baxter_kin.display import OneLine, listing, position, quoted
+from baxter_kin.display import numbers as shown_numbers
+from baxter_kin.errors import BaxterError, DescriptionError
+from baxter_kin.frames import T_world_base, quaternion_xyzw
 from planner.errors import SceneError
 from planner.scene.bodies import GREY, Body, Box, Cylinder, Part, Shape, Sphere
 from planner.scene.mesh import load_mesh
 from planner.scene.objects import COLOURS
+from sim.ros1.definitions import service_type
+from sim.ros1.robot.baxter import SimulatedBaxter
+from sim.ros1.robot.position_ik import T_base_frame, pose_of
+from sim.ros1_fields import Message
+
+SPAWN, DELETE = "gazebo_msgs/SpawnModel", "gazebo_msgs/DeleteModel"
+
+WORLD_FRAMES = ("", "world", "map", "/map")
+"""As in Gazebo."""
+
+ROBOT = "baxter"
+"""Gazebo's name of the robot, whose links are "baxter::left_gripper" and so on."""
+
+ANSWER_S = 10.0
+"""A world that does not tick for so long answers no more."""
+
+MAX_PARTS = 1000
+"""Shapes of a model; every one of them costs time at each search for contacts."""
+
+Between = Callable[[Callable[[], None]], "Future[None]"]
+"""Calls a function between two ticks."""
 
 Rgba = tuple[float, float, float, float]
 
-MOST_PARTS = 1000
-"""Shapes of a model; every one of them costs time at each look for contacts."""
+
+class Models(OneLine):
+    """The services of a world; any thread may call them."""
+
+    def __init__(
+        self, baxter: SimulatedBaxter, between: Between, report: Callable[[str], object]
+    ) -> None:
+        """Serve a world.
+
+        Args:
+            baxter: the robot in that world.
+            between: calls a function between two ticks, in the thread that owns the world.
+            report: called with what happens.
+        """
+        self._baxter, self._between, self._report = baxter, between, report
+
+    def spawn(self, request: Message) -> Message:
+        """The response to a `gazebo_msgs/SpawnModel`, for SDF and URDF alike."""
+        name = str(request.model_name)
+
+        def add() -> None:
+            T_base_model = self._T_base_frame(request.reference_frame) * _initial(request)
+            body = body_of_text(request.model_xml, name, T_base_model)
+            self._baxter.spawn(body)
+            self._report(f"spawned {self._where(body.name)}")
+
+        return self._done(SPAWN, f"spawned {name}", f"spawning {quoted(name)}", add)
+
+    def delete(self, request: Message) -> Message:
+        """The response to a `gazebo_msgs/DeleteModel`; poses of movable bodies are reported."""
+        name = str(request.model_name)
+
+        def remove() -> None:
+            for body in self._baxter.world.scene:
+                if body.is_movable:
+                    self._report(f"before {name} is deleted: {self._where(body.name)}")
+            self._baxter.delete(name)
+
+        return self._done(DELETE, f"deleted {name}", f"deleting {quoted(name)}", remove)
+
+    def _done(self, kind: str, done: str, what: str, act: Callable[[], None]) -> Message:
+        response = service_type(kind).response
+        doing = self._between(act)
+        try:
+            doing.result(ANSWER_S)
+        except BaxterError as cause:
+            self._report(f"{what}: {cause}")
+            return response.make(success=False, status_message=f"{what}: {cause}")
+        except futures.TimeoutError:
+            doing.cancel()
+            text = f"{what}: the robot is shutting down"
+            return response.make(success=False, status_message=text)
+        return response.make(success=True, status_message=done)
+
+    def _where(self, name: str) -> str:
+        """The place of a body, and what it stands on."""
+        world = self._baxter.world
+        body = world.body(name)
+        holder = next((held.side for held in world.held if held.body == name), None)
+        stands_on = " and ".join(world.supports.get(name, ())) or "nothing"
+        on = f"in the {holder} hand" if holder else f"on {stands_on}"
+        T_base_body: pin.SE3 = body.T_base_body
+        turned = f"xyzw {shown_numbers(quaternion_xyzw(T_base_body))}"
+        centre = shown_numbers(body.centre_base.round(4))
+        fixed = f"{name} at {position(T_base_body)} in base, {turned}"
+        return f"{fixed}, its centre at {centre} m, {on}" if body.is_movable else fixed
+
+    def _T_base_frame(self, frame: str) -> pin.SE3:
+        if frame in WORLD_FRAMES:
+            return T_world_base().inverse()
+        model, _, link = frame.partition("::")
+        if model in self._baxter.world.scene.bodies:
+            return self._baxter.world.body(model).T_base_body
+        name = link if model == ROBOT else frame
+        return T_base_frame(self._baxter.world.robot, self._baxter.world.q, name)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (listing(self._baxter.world.scene.bodies, "body"),)
+
+
+def _initial(request: Message) -> pin.SE3:
+    """The requested pose of a model; no rotation where the quaternion is zero."""
+    orientation = request.initial_pose.orientation
+    if (orientation.x, orientation.y, orientation.z, orientation.w) == (0.0, 0.0, 0.0, 0.0):
+        orientation.w = 1.0
+    return pose_of(request.initial_pose)
 
 
 @dataclass(frozen=True, slots=True)
 class _Link:
-    """A link, and where it is in its model."""
+    """A link and its pose in the model."""
 
     element: Element
     T_model_link: pin.SE3
@@ -65,24 +177,24 @@ def _body(
 ) -> Body:
     kind = "collision" if any(link.element.first("collision") for link in links) else "visual"
     parts = tuple(
-        Part(reader.shape(one), link.T_model_link * reader.pose(one), reader.colour(link, number))
+        Part(reader.shape(one), link.T_model_link * reader.pose(one), reader.colour(link, index))
         for link in links
-        for number, one in enumerate(link.element.all(kind))
+        for index, one in enumerate(link.element.all(kind))
     )
-    if not 1 <= len(parts) <= MOST_PARTS:
-        raise SceneError(f"a model has 1 .. {MOST_PARTS} shapes, got {len(parts)}")
+    if not 1 <= len(parts) <= MAX_PARTS:
+        raise SceneError(f"a model has 1 .. {MAX_PARTS} shapes, got {len(parts)}")
     return Body(name, parts, T_base_body, not _is_static(model))
 
 
 def _is_static(model: Element) -> bool:
-    """Whether SDF says so, or URDF in what it says to Gazebo."""
-    said = [*model.all("static")]
-    said += [each for gazebo in model.all("gazebo") for each in gazebo.all("static")]
-    return any(each.text.strip().lower() in ("true", "1") for each in said)
+    """Whether it is marked as static, in SDF or in the Gazebo extensions of a URDF."""
+    marks = [*model.all("static")]
+    marks += [each for gazebo in model.all("gazebo") for each in gazebo.all("static")]
+    return any(each.text.strip().lower() in ("true", "1") for each in marks)
 
 
 class _Reader:
-    """What both formats write alike, and what a link is coloured with."""
+    """The parts that both formats have in common."""
 
     def shape(self, shown: Element) -> Shape:
         """The geometry of a visual or collision element."""
@@ -106,30 +218,28 @@ class _Reader:
     def numbers(
         self, element: Element, name: str, count: int, default: tuple[float, ...] | None = None
     ) -> tuple[float, ...]:
-        """Numbers that an element has by a name."""
+        """Numbers of an element by name."""
         text = self.value(element, name)
         if not text and default is not None:
             return default
         return numbers(text, count, f"{name} of a {element.name}")
 
     def value(self, element: Element, name: str) -> str:
-        """Text that an element has by a name; empty where there is none."""
+        """Text of an element by name; empty where there is none."""
         raise NotImplementedError
 
     def pose(self, shown: Element) -> pin.SE3:
-        """Where a visual or collision element is in its link."""
+        """Pose of a visual or collision element in its link."""
         raise NotImplementedError
 
-    def colour(self, link: _Link, number: int) -> Rgba:
-        """The colour of a shape of a link, by its number among those of its kind."""
+    def colour(self, link: _Link, index: int) -> Rgba:
+        """Colour of a shape of a link, by its index among those of its kind."""
         raise NotImplementedError
 
-    def material(self, link: _Link, number: int) -> Element | None:
-        """What the visual element of that number is made of, or else the first."""
+    def material(self, link: _Link, index: int) -> Element | None:
+        """Material of the visual element of that index, or else of the first."""
         visuals = list(link.element.all("visual"))
-        return (
-            visuals[number if number < len(visuals) else 0].first("material") if visuals else None
-        )
+        return visuals[index if index < len(visuals) else 0].first("material") if visuals else None
 
 
 class _SdfReader(_Reader):
@@ -140,8 +250,8 @@ class _SdfReader(_Reader):
     def pose(self, shown: Element) -> pin.SE3:
         return _sdf_pose(shown)
 
-    def colour(self, link: _Link, number: int) -> Rgba:
-        material = self.material(link, number)
+    def colour(self, link: _Link, index: int) -> Rgba:
+        material = self.material(link, index)
         if material is None:
             return GREY
         script = material.first("script")
@@ -156,9 +266,9 @@ class _UrdfReader(_Reader):
             each.attributes.get("name", ""): each for each in robot.all("material")
         }
         self._gazebo = {
-            gazebo.attributes.get("reference", ""): said.text.strip()
+            gazebo.attributes.get("reference", ""): material.text.strip()
             for gazebo in robot.all("gazebo")
-            for said in gazebo.all("material")
+            for material in gazebo.all("material")
         }
 
     def value(self, element: Element, name: str) -> str:
@@ -167,11 +277,11 @@ class _UrdfReader(_Reader):
     def pose(self, shown: Element) -> pin.SE3:
         return _origin(shown)
 
-    def colour(self, link: _Link, number: int) -> Rgba:
-        said = self._gazebo.get(link.element.attributes.get("name", ""))
-        if said is not None:
-            return _named_colour(said)
-        material = self.material(link, number)
+    def colour(self, link: _Link, index: int) -> Rgba:
+        named = self._gazebo.get(link.element.attributes.get("name", ""))
+        if named is not None:
+            return _named_colour(named)
+        material = self.material(link, index)
         if material is None:
             return GREY
         known = self._materials.get(material.attributes.get("name", ""), material)
@@ -248,12 +358,12 @@ def _rgba(text: str) -> Rgba:
 
 
 def _named_colour(name: str) -> Rgba:
-    """The colour of one of Gazebo's materials, as far as its name is a colour's."""
+    """Colour of one of Gazebo's materials, as far as its name is a colour's."""
     return COLOURS.get(name.removeprefix("Gazebo/").lower(), GREY)
 
 
 def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
-    """Finite numbers that stand in a text."""
+    """The finite numbers of a text."""
     try:
         values = tuple(float(part) for part in text.split())
     except ValueError:
@@ -264,7 +374,7 @@ def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
 
 
 def _mesh_path(uri: str) -> Path:
-    """Where a mesh is on this computer.
+    """Path of a mesh on this computer.
 
     `model://` is looked up in GAZEBO_MODEL_PATH, `package://` in ROS_PACKAGE_PATH.
     """
