@@ -19,8 +19,7 @@ from sim.errors import SimulationError
 from sim.world.gripper import GripperState
 
 if TYPE_CHECKING:
-    from sim.ros1.node import Node
-    from sim.ros1.transport.tcpros.subscription import Received
+    from sim.ros1.node import Node, Received
 
 JOINT_STATES = "/robot/joint_states"
 STATE = "/robot/state"

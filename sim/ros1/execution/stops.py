@@ -20,7 +20,7 @@ from sim.errors import SimulationError
 from sim.ros1.execution.link import JOINT_STATES, STATE, BaxterLink, command_topic, joint_names
 
 if TYPE_CHECKING:
-    from sim.ros1.transport.tcpros.subscription import Received
+    from sim.ros1.node import Received
 
 MAX_AGE_S = 0.25
 """Maximum age of joint states."""

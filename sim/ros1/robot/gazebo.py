@@ -33,7 +33,7 @@ from planner.scene.objects import COLOURS
 from sim.ros1.definitions import service_type
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.position_ik import T_base_frame, pose_of
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 SPAWN, DELETE = "gazebo_msgs/SpawnModel", "gazebo_msgs/DeleteModel"
 

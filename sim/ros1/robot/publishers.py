@@ -20,8 +20,7 @@ from baxter_kin.display import OneLine, count
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from sim.ros1.definitions import message_type
-from sim.ros1.node import Node
-from sim.ros1.offers import Publisher
+from sim.ros1.node import Node, Publisher
 from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
 from sim.ros1.robot.gripper import ElectricGripper
 from sim.ros1.robot.panel import (
@@ -33,7 +32,7 @@ from sim.ros1.robot.panel import (
     NAVIGATORS,
     OUTPUTS,
 )
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 CORE = "baxter_core_msgs"
 NS = 1_000_000_000

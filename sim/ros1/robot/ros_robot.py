@@ -25,7 +25,7 @@ from sim.ros1.robot.gazebo import DELETE, SPAWN, Models
 from sim.ros1.robot.position_ik import TYPE, PositionIK
 from sim.ros1.robot.publishers import Publishers
 from sim.ros1.robot.subscribers import Subscribers
-from sim.ros1.transport.network import addresses
+from sim.ros1.transport import addresses
 from sim.world.world import World
 
 NAME = "/baxter_simulated"
@@ -201,7 +201,7 @@ class RosRobot(NotCopied, OneLine):
 
 def _loopback(given_uri: str | None) -> str:
     """The name of this computer that only itself reaches."""
-    home = addresses.find_home(addresses.master_uri(given_uri))
+    home = addresses.find_local_host(addresses.master_uri(given_uri))
     if not ip_address(home.address).is_loopback:
         raise RosError(
             f"the simulated Baxter would listen on {home.address}, where others reach it; allow "

@@ -17,11 +17,11 @@ from planner import Body
 from planner.errors import SceneError
 from sim import World
 from sim.ros1.definitions import message_type
+from sim.ros1.node import Received
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.diagnostics import Diagnostics
 from sim.ros1.robot.panel import OUTPUTS, PRESSABLE
 from sim.ros1.robot.subscribers import Subscribers
-from sim.ros1.transport.tcpros.subscription import Received
 
 SPEEDS = np.array([2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 ROUNDING = 1e-9
