@@ -8,11 +8,9 @@ from __future__ import annotations
 import json
 import time
 
-from baxter_kin.display import OneLine
 from baxter_kin.fields import NotCopied
 from baxter_kin.validation import FloatArray
 from planner import Grip, GripperAction
-from sim.ros1.definitions import message_type
 from sim.ros1.execution.link import (
     BaxterLink,
     GripperReport,
@@ -46,12 +44,11 @@ ARRIVED_PERCENT = 3.0
 
 CLOSED_PERCENT = 0.0
 
-_COMMAND = "baxter_core_msgs/JointCommand"
-_GRIPPER = "baxter_core_msgs/EndEffectorCommand"
-_GRIPPER_QUEUE = 100
+CORE = "baxter_core_msgs"
+GRIPPER_QUEUE = 100
 
 
-class ArmChannel(NotCopied, OneLine):
+class ArmChannel(NotCopied):
     """Publishers for one arm, advertised until it is closed; a context manager.
 
     Attributes:
@@ -64,16 +61,14 @@ class ArmChannel(NotCopied, OneLine):
         self.limb, self.sequence = limb, 0
         self._link, self._names = link, list(joint_names(limb))
         self._former_ratio = link.speed_ratio(limb)
-        self._types = {name: message_type(name) for name in (_COMMAND, _GRIPPER)}
-        self._float, self._bool = message_type("std_msgs/Float64"), message_type("std_msgs/Bool")
-        node, timeout = link.node, f"/robot/limb/{limb}/joint_command_timeout"
-        self._ratio = node.advertise(speed_topic(limb), self._float.name, latch=True)
-        self._timeout = node.advertise(timeout, self._float.name, latch=True)
-        self._enable = node.advertise("/robot/set_super_enable", self._bool.name)
-        self._command = node.advertise(command_topic(limb), _COMMAND)
-        self._gripper = node.advertise(
-            gripper_topic(limb, "command"), _GRIPPER, queue=_GRIPPER_QUEUE
-        )
+        node, number = link.node, "std_msgs/Float64"
+        timeout = f"/robot/limb/{limb}/joint_command_timeout"
+        self._ratio = node.advertise(speed_topic(limb), number, latch=True)
+        self._timeout = node.advertise(timeout, number, latch=True)
+        self._enable = node.advertise("/robot/set_super_enable", "std_msgs/Bool")
+        self._command = node.advertise(command_topic(limb), f"{CORE}/JointCommand")
+        command = gripper_topic(limb, "command")
+        self._gripper = node.advertise(command, f"{CORE}/EndEffectorCommand", queue=GRIPPER_QUEUE)
         self._open = [self._command, self._gripper, self._ratio, self._timeout, self._enable]
 
     def __enter__(self) -> ArmChannel:
@@ -89,44 +84,39 @@ class ArmChannel(NotCopied, OneLine):
 
     def enable(self) -> None:
         """Send one request to switch the motors on."""
-        self._enable.publish(self._bool.make(data=True))
+        self._enable.send(data=True)
 
     def begin(self, ratio: float) -> None:
         """Set the speed ratio and the time-out of commands."""
-        self._ratio.publish(self._float.make(data=ratio))
-        self._timeout.publish(self._float.make(data=COMMAND_TIMEOUT_S))
+        self._ratio.send(data=ratio)
+        self._timeout.send(data=COMMAND_TIMEOUT_S)
 
     def end(self) -> None:
         """Restore the former speed ratio; the default where it is not known."""
         former = DEFAULT_RATIO if self._former_ratio is None else self._former_ratio
-        self._ratio.publish(self._float.make(data=former))
+        self._ratio.send(data=former)
 
     def send(self, q: FloatArray) -> None:
         """Send a set-point, shape (7,), rad."""
-        kind = self._types[_COMMAND]
-        self._command.publish(kind.make(mode=POSITION_MODE, command=q, names=self._names))
+        self._command.send(mode=POSITION_MODE, command=q, names=self._names)
 
     def go(self, percent: float) -> int:
         """Send the gripper to a position, 0 closed .. 100 open; returns the sequence number."""
         report = self._link.gripper(self.limb)
         self.sequence += 1
-        message = self._types[_GRIPPER].make(
+        self._gripper.send(
             id=0 if report is None else report.identity,
             command="go",
             args=json.dumps({"position": round(percent, 3)}),
             sender=self._link.node.name,
             sequence=self.sequence,
         )
-        self._gripper.publish(message)
         return self.sequence
 
     def close(self) -> None:
         """Unadvertise everything."""
         while self._open:
             self._open.pop().close()
-
-    def _facts(self) -> tuple[str, ...]:
-        return (self.limb,)
 
 
 class GripperCommand:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from baxter_kin.display import OneLine, count, quoted
+from baxter_kin.display import OneLine, quoted
 from baxter_kin.fields import NotCopied
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray
@@ -115,12 +115,11 @@ class GripperReport(NamedTuple):
 
 
 class JointReading(NamedTuple):
-    """Position (rad or m), velocity, time of arrival and publisher of one joint."""
+    """Position (rad or m), velocity and time of arrival of one joint."""
 
     position: float
     velocity: float
     time_s: float
-    sender: str
 
 
 class ArmReading(NamedTuple):
@@ -139,7 +138,7 @@ class ArmReading(NamedTuple):
     oldest: str
 
 
-class JointTable(OneLine):
+class JointTable:
     """The joint states of a robot, merged by name; may be used from several threads.
 
     A real Baxter has two publishers of joint states: one of all joints at 100 Hz, one of the
@@ -176,7 +175,7 @@ class JointTable(OneLine):
                 self.malformed += 1
                 return
             for name, position, velocity in zip(names, q.tolist(), v.tolist(), strict=True):
-                self._readings[name] = JointReading(position, velocity, time_s, sender)
+                self._readings[name] = JointReading(position, velocity, time_s)
                 self._senders[name][sender] = time_s
                 arrivals = self._arrivals[name]
                 arrivals.append(time_s)
@@ -227,9 +226,6 @@ class JointTable(OneLine):
         if len(recent) < 2 or recent[-1] <= recent[0]:
             return 0.0
         return (len(recent) - 1) / max(recent[-1] - recent[0], now_s - recent[0] - 0.1, 1e-3)
-
-    def _facts(self) -> tuple[str, ...]:
-        return count(len(self._readings), "joint"), f"{self.malformed} malformed messages"
 
 
 class BaxterLink(NotCopied, OneLine):

@@ -23,7 +23,7 @@ from enum import Enum, IntEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import OneLine, numbers, quoted
+from baxter_kin.display import quoted
 from baxter_kin.fields import evolve, frozen, scalar
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_array
@@ -61,8 +61,8 @@ class JointMode(IntEnum):
     """Positions that no speed ratio slows down."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class JointOrder(OneLine):
+@dataclass(frozen=True, slots=True)
+class JointOrder:
     """A valid joint command.
 
     Attributes:
@@ -101,9 +101,6 @@ class JointOrder(OneLine):
                 raise BadOrderError(f"{name} = {value} is no finite number")
             values[indices[name]] = float(value)
         return cls(known, tuple(values.items()))
-
-    def _facts(self) -> tuple[str, ...]:
-        return self.mode.name.lower(), ", ".join(f"{i}: {value:.4g}" for i, value in self.values)
 
 
 def _mode(mode: int) -> JointMode:
@@ -160,7 +157,7 @@ class Following:
         return (self.kind.value, f"{self.lag_s:g} s" if self.kind is Follow.LAG else "")
 
 
-class ArmMotion(OneLine):
+class ArmMotion:
     """The joints of one arm in time.
 
     Attributes:
@@ -275,9 +272,6 @@ class ArmMotion(OneLine):
         """Set the positions after a step."""
         self.v = (q - self.q) / dt_s
         self.q = q.copy()
-
-    def _facts(self) -> tuple[str, ...]:
-        return f"at {numbers(self.q)}", self._mode.name.lower(), repr(self._following)
 
 
 class ContactStop:

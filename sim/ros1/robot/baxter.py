@@ -236,4 +236,4 @@ class SimulatedBaxter(OneLine):
             stop.refresh(self.world.arm_q(side))
 
     def _facts(self) -> tuple[str, ...]:
-        return seconds(self.time_s), repr(self.assembly.state), repr(self.world)
+        return seconds(self.time_s), repr(self.world)

@@ -6,8 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Callable
 
-from baxter_kin.display import OneLine, count
-
 MIN_PERIOD_S = 1.0
 """Between two reports on one topic and sender."""
 
@@ -15,7 +13,7 @@ MAX_KNOWN = 1000
 """Number of topics and senders that are remembered, as senders may have any names."""
 
 
-class Diagnostics(OneLine):
+class Diagnostics:
     """Invalid messages so far.
 
     Attributes:
@@ -50,6 +48,3 @@ class Diagnostics(OneLine):
         more = self._unreported.pop(key, 0)
         since = f" ({more} more since the last time)" if more else ""
         self._report(f"{topic} from {sender or 'nobody'}: {text}{since}")
-
-    def _facts(self) -> tuple[str, ...]:
-        return (count(self.counts.total(), "invalid message"),)

@@ -22,8 +22,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.description.urdf_reading import Element, read_xml
-from baxter_kin.display import OneLine, listing, position, quoted
 from baxter_kin.display import numbers as shown_numbers
+from baxter_kin.display import position, quoted
 from baxter_kin.errors import BaxterError, DescriptionError
 from baxter_kin.frames import T_world_base, quaternion_xyzw
 from planner.errors import SceneError
@@ -55,7 +55,7 @@ Between = Callable[[Callable[[], None]], "Future[None]"]
 Rgba = tuple[float, float, float, float]
 
 
-class Models(OneLine):
+class Models:
     """The services of a world; any thread may call them."""
 
     def __init__(
@@ -130,9 +130,6 @@ class Models(OneLine):
         name = link if model == ROBOT else frame
         return T_base_frame(self._baxter.world.robot, self._baxter.world.q, name)
 
-    def _facts(self) -> tuple[str, ...]:
-        return (listing(self._baxter.world.scene.bodies, "body"),)
-
 
 def _initial(request: Message) -> pin.SE3:
     """The requested pose of a model; no rotation where the quaternion is zero."""
@@ -166,9 +163,9 @@ def body_of_text(text: str, name: str, T_base_model: pin.SE3) -> Body:
         model = root.first("model")
         if model is None:
             raise SceneError("the SDF has no model")
-        return _body(model, name, T_base_model * _sdf_pose(model), _sdf_links(model), _SdfReader())
+        return _body(model, name, T_base_model * _sdf_pose(model), _sdf_links(model), _Reader(root))
     if root.name == "robot":
-        return _body(root, name, T_base_model, _urdf_links(root), _UrdfReader(root))
+        return _body(root, name, T_base_model, _urdf_links(root), _Reader(root))
     raise SceneError(f"a model is described in SDF or URDF, not in {quoted(root.name)}")
 
 
@@ -194,7 +191,20 @@ def _is_static(model: Element) -> bool:
 
 
 class _Reader:
-    """The parts that both formats have in common."""
+    """Reads the shapes of a model and their colours, in SDF or URDF."""
+
+    def __init__(self, root: Element) -> None:
+        self._is_sdf = root.name == "sdf"
+        self._materials = {each.attributes.get("name", ""): each for each in root.all("material")}
+        self._gazebo = {
+            gazebo.attributes.get("reference", ""): material.text.strip()
+            for gazebo in root.all("gazebo")
+            for material in gazebo.all("material")
+        }
+
+    def pose(self, shown: Element) -> pin.SE3:
+        """Pose of a visual or collision element in its link."""
+        return _sdf_pose(shown) if self._is_sdf else _origin(shown)
 
     def shape(self, shown: Element) -> Shape:
         """The geometry of a visual or collision element."""
@@ -204,89 +214,53 @@ class _Reader:
             raise SceneError(f"a {shown.name} has one geometry, got {len(kinds)}")
         (kind,) = kinds
         if kind.name == "box":
-            x, y, z = self.numbers(kind, "size", 3)
+            x, y, z = self._numbers(kind, "size", 3)
             return Box((x, y, z))
         if kind.name == "cylinder":
-            return Cylinder(self.numbers(kind, "radius", 1)[0], self.numbers(kind, "length", 1)[0])
+            (radius,), (length,) = (self._numbers(kind, n, 1) for n in ("radius", "length"))
+            return Cylinder(radius, length)
         if kind.name == "sphere":
-            return Sphere(self.numbers(kind, "radius", 1)[0])
+            return Sphere(self._numbers(kind, "radius", 1)[0])
         if kind.name == "mesh":
-            path = _mesh_path(self.value(kind, "uri") or self.value(kind, "filename"))
-            return load_mesh(path, self.numbers(kind, "scale", 3, (1.0, 1.0, 1.0)))
+            path = _mesh_path(self._value(kind, "uri") or self._value(kind, "filename"))
+            return load_mesh(path, self._numbers(kind, "scale", 3, (1.0, 1.0, 1.0)))
         raise SceneError(f"boxes, cylinders, spheres and meshes are simulated, not {kind.name}")
 
-    def numbers(
+    def colour(self, link: _Link, index: int) -> Rgba:
+        """Colour of a shape of a link, by its index among those of its kind.
+
+        It is that of the visual element of the same index, or else of the first.
+        """
+        named = self._gazebo.get(link.element.attributes.get("name", ""))
+        if named is not None:
+            return _named_colour(named)
+        visuals = list(link.element.all("visual"))
+        shown = visuals[index if index < len(visuals) else 0] if visuals else None
+        material = None if shown is None else shown.first("material")
+        if material is None:
+            return GREY
+        if self._is_sdf:
+            script, diffuse = material.first("script"), self._value(material, "diffuse")
+            name = "" if script is None else self._value(script, "name")
+            return _rgba(diffuse) if diffuse else _named_colour(name)
+        known = self._materials.get(material.attributes.get("name", ""), material)
+        colour = material.first("color") or known.first("color")
+        return GREY if colour is None else _rgba(self._value(colour, "rgba"))
+
+    def _numbers(
         self, element: Element, name: str, count: int, default: tuple[float, ...] | None = None
     ) -> tuple[float, ...]:
-        """Numbers of an element by name."""
-        text = self.value(element, name)
+        text = self._value(element, name)
         if not text and default is not None:
             return default
         return numbers(text, count, f"{name} of a {element.name}")
 
-    def value(self, element: Element, name: str) -> str:
-        """Text of an element by name; empty where there is none."""
-        raise NotImplementedError
-
-    def pose(self, shown: Element) -> pin.SE3:
-        """Pose of a visual or collision element in its link."""
-        raise NotImplementedError
-
-    def colour(self, link: _Link, index: int) -> Rgba:
-        """Colour of a shape of a link, by its index among those of its kind."""
-        raise NotImplementedError
-
-    def material(self, link: _Link, index: int) -> Element | None:
-        """Material of the visual element of that index, or else of the first."""
-        visuals = list(link.element.all("visual"))
-        return visuals[index if index < len(visuals) else 0].first("material") if visuals else None
-
-
-class _SdfReader(_Reader):
-    def value(self, element: Element, name: str) -> str:
+    def _value(self, element: Element, name: str) -> str:
+        """Text of an element by name, a child in SDF and an attribute in URDF; it may be empty."""
+        if not self._is_sdf:
+            return element.attributes.get(name, "").strip()
         child = element.first(name)
         return "" if child is None else child.text.strip()
-
-    def pose(self, shown: Element) -> pin.SE3:
-        return _sdf_pose(shown)
-
-    def colour(self, link: _Link, index: int) -> Rgba:
-        material = self.material(link, index)
-        if material is None:
-            return GREY
-        script = material.first("script")
-        name = "" if script is None else self.value(script, "name")
-        diffuse = self.value(material, "diffuse")
-        return _rgba(diffuse) if diffuse else _named_colour(name)
-
-
-class _UrdfReader(_Reader):
-    def __init__(self, robot: Element) -> None:
-        self._materials: Mapping[str, Element] = {
-            each.attributes.get("name", ""): each for each in robot.all("material")
-        }
-        self._gazebo = {
-            gazebo.attributes.get("reference", ""): material.text.strip()
-            for gazebo in robot.all("gazebo")
-            for material in gazebo.all("material")
-        }
-
-    def value(self, element: Element, name: str) -> str:
-        return element.attributes.get(name, "").strip()
-
-    def pose(self, shown: Element) -> pin.SE3:
-        return _origin(shown)
-
-    def colour(self, link: _Link, index: int) -> Rgba:
-        named = self._gazebo.get(link.element.attributes.get("name", ""))
-        if named is not None:
-            return _named_colour(named)
-        material = self.material(link, index)
-        if material is None:
-            return GREY
-        known = self._materials.get(material.attributes.get("name", ""), material)
-        colour = material.first("color") or known.first("color")
-        return GREY if colour is None else _rgba(self.value(colour, "rgba"))
 
 
 def _sdf_links(model: Element) -> list[_Link]:

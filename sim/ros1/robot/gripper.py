@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from baxter_kin.display import OneLine, millimetres, quoted
+from baxter_kin.display import quoted
 from baxter_kin.fields import FrozenMapping, evolve
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.ros1.robot.arm_motion import BadOrderError
@@ -56,7 +56,7 @@ class _Fall:
     time_s: float = 0.0
 
 
-class Fingers(OneLine):
+class Fingers:
     """The fingers of one hand.
 
     Attributes:
@@ -246,10 +246,6 @@ class Fingers(OneLine):
     def _is_held(self, name: str) -> bool:
         return any(held.body == name for held in self._world.held)
 
-    def _facts(self) -> tuple[str, ...]:
-        opening = millimetres(self._world.finger_m(self._side))
-        return self._side, f"at {opening}", "moving" if self.is_moving else ""
-
 
 @dataclass(frozen=True, slots=True)
 class GripperOrder:
@@ -268,10 +264,11 @@ class GripperOrder:
     sequence: int = 0
 
 
-class ElectricGripper(OneLine):
+class ElectricGripper:
     """The gripper of one hand.
 
     Attributes:
+        fingers: its fingers.
         is_calibrated: whether it accepts positions.
         last: the last command.
         parameters: as configured, per cent.
@@ -281,10 +278,10 @@ class ElectricGripper(OneLine):
         """Switch it on.
 
         Args:
-            fingers: its fingers.
+            fingers: those of the hand.
             is_calibrated: whether it is calibrated.
         """
-        self._fingers = fingers
+        self.fingers = fingers
         self.is_calibrated = is_calibrated
         self.last = GripperOrder("")
         self.parameters = dict(PARAMETERS)
@@ -294,27 +291,7 @@ class ElectricGripper(OneLine):
     @property
     def is_ready(self) -> bool:
         """Whether it neither moves, nor calibrates or reboots."""
-        return not self.is_moving and self._busy_s <= 0.0
-
-    @property
-    def is_moving(self) -> bool:
-        """Whether its fingers move."""
-        return self._fingers.is_moving
-
-    @property
-    def is_gripping(self) -> bool:
-        """Whether its fingers hold something."""
-        return self._fingers.is_gripping
-
-    @property
-    def has_missed(self) -> bool:
-        """Whether they have closed last and hold nothing."""
-        return self._fingers.has_missed
-
-    @property
-    def percent(self) -> float:
-        """Its opening, 0 .. 100."""
-        return self._fingers.percent
+        return not self.fingers.is_moving and self._busy_s <= 0.0
 
     @property
     def force(self) -> float:
@@ -323,7 +300,7 @@ class ElectricGripper(OneLine):
         Clients wait for a force above that of moving, by which they know a grasp.
         """
         holding, moving = self.parameters["holding_force"], self.parameters["moving_force"]
-        return max(holding, min(moving + ABOVE_MOVING, 100.0)) if self.is_gripping else 0.0
+        return max(holding, min(moving + ABOVE_MOVING, 100.0)) if self.fingers.is_gripping else 0.0
 
     def order(self, order: GripperOrder, *, is_enabled: bool) -> None:
         """Execute a command.
@@ -351,7 +328,7 @@ class ElectricGripper(OneLine):
             self.is_calibrated, self._busy_s = False, 0.0
         elif order.command == "reset":
             self.stop()
-            self._fingers.has_missed = False
+            self.fingers.has_missed = False
         elif order.command == "reboot":
             self._reboot()
         elif order.command == "stop":
@@ -372,7 +349,7 @@ class ElectricGripper(OneLine):
             raise BadOrderError("the gripper is not calibrated, or busy; calibrate it first")
         if percent != self._goal:
             self._goal = percent
-            self._fingers.go(percent)
+            self.fingers.go(percent)
 
     def _calibrate(self, is_enabled: bool) -> None:
         if not is_enabled:
@@ -381,7 +358,7 @@ class ElectricGripper(OneLine):
             return
         self._goal, self.is_calibrated = None, False
         self._busy_s, self._is_calibrating = BUSY_S, True
-        self._fingers.go(OPEN)
+        self.fingers.go(OPEN)
 
     def _reboot(self) -> None:
         if self._busy_s > 0.0:
@@ -393,28 +370,21 @@ class ElectricGripper(OneLine):
 
     def stop(self) -> None:
         """Stop the fingers; what they hold stays held."""
-        self._fingers.stop()
+        self.fingers.stop()
         self._goal = None
 
     def refresh(self) -> None:
         """Forget predictions, as bodies have come or gone."""
-        self._fingers.refresh()
+        self.fingers.refresh()
 
     def step(self, dt_s: float) -> None:
         """Let time pass."""
         share = self.parameters["velocity"] / PARAMETERS["velocity"]
-        self._fingers.step(dt_s, share * FINGER_SPEED_M_S)
+        self.fingers.step(dt_s, share * FINGER_SPEED_M_S)
         if self._busy_s > 0.0:
             self._busy_s -= dt_s
             if self._busy_s <= 0.0 and self._is_calibrating:
                 self.is_calibrated = True
-
-    def _facts(self) -> tuple[str, ...]:
-        return (
-            repr(self._fingers),
-            "gripping" if self.is_gripping else "missed" if self.has_missed else "",
-            "" if self.is_calibrated else "not calibrated",
-        )
 
 
 def _position(args: str) -> float:

@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from baxter_kin.display import OneLine, count
 from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.robot.arm_motion import BadOrderError
 
@@ -83,8 +82,8 @@ class EStopSource(IntEnum):
     UNKNOWN = 2
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class AssemblyState(OneLine):
+@dataclass(frozen=True, slots=True)
+class AssemblyState:
     """The state of the robot as a whole.
 
     Attributes:
@@ -99,12 +98,8 @@ class AssemblyState(OneLine):
     button: EStopButton = EStopButton.UNPRESSED
     source: EStopSource = EStopSource.NONE
 
-    def _facts(self) -> tuple[str, ...]:
-        stop = f"stopped, button {self.button.name.lower()}" if self.is_stopped else ""
-        return "enabled" if self.is_enabled else "disabled", stop
 
-
-class Assembly(OneLine):
+class Assembly:
     """The robot as a whole.
 
     Attributes:
@@ -158,11 +153,8 @@ class Assembly(OneLine):
         self.state = AssemblyState()
         return None
 
-    def _facts(self) -> tuple[str, ...]:
-        return self.state._facts()
 
-
-class Head(OneLine):
+class Head:
     """The head, which pans and nods.
 
     Attributes:
@@ -206,11 +198,8 @@ class Head(OneLine):
         self._time_s += dt_s
         self.pan_rad += (self.target_rad - self.pan_rad) * -math.expm1(-dt_s / PAN_LAG_S)
 
-    def _facts(self) -> tuple[str, ...]:
-        return f"{self.pan_rad:.3g} rad", "nodding" if self.is_nodding else ""
 
-
-class Panel(OneLine):
+class Panel:
     """Buttons, lights and analog signals."""
 
     def __init__(self) -> None:
@@ -283,12 +272,6 @@ class Panel(OneLine):
     def lights(self, navigator: str) -> list[bool]:
         """Which of `LIGHTS` of a navigator are on."""
         return [self.is_on(f"{navigator}_{light}_light") for light in LIGHTS]
-
-    def _facts(self) -> tuple[str, ...]:
-        return (
-            count(sum(self._lit.values()), "light"),
-            f"pressed: {', '.join(self._pressed_until_s)}" if self._pressed_until_s else "",
-        )
 
 
 def _name(place: str, button: str) -> str:

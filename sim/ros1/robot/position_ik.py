@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.display import OneLine, quoted
+from baxter_kin.display import quoted
 from baxter_kin.errors import BaxterError, PoseError
 from baxter_kin.frames import pose_from_quaternion
 from baxter_kin.ik.result import IKResult
@@ -31,7 +31,7 @@ TYPE = "baxter_core_msgs/SolvePositionIK"
 BASE = "base"
 
 
-class PositionIK(OneLine):
+class PositionIK:
     """The service of one arm; any thread may call it."""
 
     def __init__(
@@ -116,9 +116,6 @@ class PositionIK(OneLine):
         if result is None:
             return {}
         return {"name": list(result.joint_names), "position": result.q}
-
-    def _facts(self) -> tuple[str, ...]:
-        return (repr(self._ik),)
 
 
 def T_base_frame(robot: Baxter, q: FloatArray, name: str) -> pin.SE3:

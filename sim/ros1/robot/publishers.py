@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine, count
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from sim.ros1.definitions import message_type
@@ -75,7 +74,7 @@ class _Topic(NamedTuple):
     fill: Fill
 
 
-class Publishers(OneLine):
+class Publishers:
     """All topics that are published at every tick."""
 
     def __init__(self, baxter: SimulatedBaxter, node: Node) -> None:
@@ -225,16 +224,13 @@ class Publishers(OneLine):
         message.lights = np.array(panel.lights(name))
         message.wheel = panel.wheel(name)
 
-    def _facts(self) -> tuple[str, ...]:
-        return (count(len(self._topics), "topic"),)
-
 
 def _fill_gripper(gripper: ElectricGripper, message: Message) -> None:
     message.calibrated, message.ready = int(gripper.is_calibrated), int(gripper.is_ready)
-    message.moving, message.gripping = int(gripper.is_moving), int(gripper.is_gripping)
-    message.missed = int(gripper.has_missed)
-    message.position, message.force = gripper.percent, gripper.force
-    last = gripper.last
+    fingers, last = gripper.fingers, gripper.last
+    message.moving, message.gripping = int(fingers.is_moving), int(fingers.is_gripping)
+    message.missed = int(fingers.has_missed)
+    message.position, message.force = fingers.percent, gripper.force
     message.command, message.command_sender = last.command, last.sender
     message.command_sequence = last.sequence
     message.state = json.dumps(gripper.parameters)

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from sim.ros1.definitions import message_type
+
 
 @dataclass(frozen=True)
 class Heard:
@@ -53,8 +55,8 @@ class BusNode:
         for end in list(self._ends):
             end.close()
 
-    def advertise(self, topic: str, _: str, latch: bool = False, **__: int) -> BusPublisher:
-        publisher = BusPublisher(self, topic, latch)
+    def advertise(self, topic: str, kind: str, latch: bool = False, **__: int) -> BusPublisher:
+        publisher = BusPublisher(self, topic, kind, latch)
         self._add(publisher, self.bus.publishers)
         return publisher
 
@@ -86,14 +88,17 @@ class BusNode:
 
 
 class BusPublisher:
-    def __init__(self, node: BusNode, topic: str, latch: bool) -> None:
-        self.node, self.topic, self._latch = node, topic, latch
+    def __init__(self, node: BusNode, topic: str, kind: str, latch: bool) -> None:
+        self.node, self.topic, self._kind, self._latch = node, topic, message_type(kind), latch
         self.latched: Any = None
         self.among: list[BusPublisher] = []
 
     @property
     def readers(self) -> tuple[str, ...]:
         return self.node.subscribers_of(self.topic)
+
+    def send(self, **values: Any) -> None:
+        self.publish(self._kind.make(**values))
 
     def publish(self, message: Any) -> None:
         if self._latch:

@@ -258,7 +258,3 @@ def test_refuses_torques_and_unknown_modes() -> None:
 
 def test_no_joints_are_an_order_that_asks_nothing() -> None:
     assert JointOrder.of(NAMES, 1, [], []) == JointOrder(JointMode.POSITION, ())
-
-
-def test_an_order_is_shown_in_one_line() -> None:
-    assert repr(JointOrder.of(NAMES, 2, ["left_s1"], [0.5])) == "JointOrder(velocity, 1: 0.5)"

@@ -258,7 +258,7 @@ class TestCarrying:
         bench.baxter.order_gripper("left", GripperOrder("go", '{"position": 0}', "me", 1))
         for _ in range(100):
             bench.baxter.tick()
-        assert bench.baxter.grippers["left"].is_gripping
+        assert bench.baxter.grippers["left"].fingers.is_gripping
         bench.move(solved(ik, ABOVE))
         lifted = bench.baxter.world.body("block").T_base_body.translation[2]
         assert lifted == pytest.approx(-0.155 + 0.079, abs=0.002)

@@ -102,8 +102,8 @@ class TestClosing:
         bench.send("go", position=0.0)
         bench.run(1.0)
         world = closed_in_a_simulation(robot, table, block, q_pick)
-        assert bench.gripper.is_gripping
-        assert not bench.gripper.has_missed
+        assert bench.gripper.fingers.is_gripping
+        assert not bench.gripper.fingers.has_missed
         assert abs(bench.world.finger_m("left") - world.finger_m("left")) <= CONTACT_M
         ours, theirs = bench.world.body("block"), world.body("block")
         assert ours.T_base_body.isApprox(theirs.T_base_body, CONTACT_M)
@@ -119,10 +119,10 @@ class TestClosing:
     def test_nothing_between_the_pads_is_missed(self, empty: Bench) -> None:
         empty.send("go", position=0.0)
         empty.run(STROKE_S - 2 * TICK_S)
-        assert empty.gripper.is_moving
+        assert empty.gripper.fingers.is_moving
         assert not empty.gripper.is_ready
         empty.run(0.1)
-        assert (empty.gripper.percent, empty.gripper.has_missed) == (0.0, True)
+        assert (empty.gripper.fingers.percent, empty.gripper.fingers.has_missed) == (0.0, True)
         assert empty.gripper.is_ready
         assert empty.kinds == [EventKind.MISSED]
 
@@ -136,7 +136,7 @@ class TestClosing:
 
         bench.send("go", position=0.0)
         bench.run(1.0, creep)
-        assert bench.gripper.is_gripping
+        assert bench.gripper.fingers.is_gripping
         held = bench.world.holding("left")
         assert held is not None
         expected = bench.world.T_base_tip("left") * held.T_link_body
@@ -146,8 +146,8 @@ class TestClosing:
         bench.send("go", position=0.0)
         start = bench.world.robot.arm("left").start
         bench.run(1.0, lambda tick: bench.world.move_arm("left", start) if tick == 3 else None)
-        assert bench.gripper.has_missed
-        assert not bench.gripper.is_gripping
+        assert bench.gripper.fingers.has_missed
+        assert not bench.gripper.fingers.is_gripping
 
     def test_a_block_taken_away_while_it_closes_is_missed(self, bench: Bench) -> None:
         bench.send("go", position=0.0)
@@ -155,24 +155,24 @@ class TestClosing:
         bench.world.delete("block")
         bench.gripper.refresh()
         bench.run(1.0)
-        assert bench.gripper.has_missed
+        assert bench.gripper.fingers.has_missed
 
     def test_a_position_above_the_block_pushes_but_does_not_hold(self, bench: Bench) -> None:
         bench.send("go", position=92.0)
         bench.run(1.0)
-        assert bench.gripper.percent == pytest.approx(92.0)
-        assert not bench.gripper.is_gripping
-        assert not bench.gripper.has_missed
+        assert bench.gripper.fingers.percent == pytest.approx(92.0)
+        assert not bench.gripper.fingers.is_gripping
+        assert not bench.gripper.fingers.has_missed
 
     def test_an_opening_recorded_while_holding_holds_again(self, bench: Bench) -> None:
         bench.send("go", position=0.0)
         bench.run(1.0)
-        recorded = float(np.float32(bench.gripper.percent))
+        recorded = float(np.float32(bench.gripper.fingers.percent))
         bench.send("go", position=100.0)
         bench.run(1.0)
         bench.send("go", position=recorded)
         bench.run(1.0)
-        assert bench.gripper.is_gripping
+        assert bench.gripper.fingers.is_gripping
 
 
 class TestRepeats:
@@ -187,7 +187,7 @@ class TestRepeats:
         for position in (0.0, 50.0, 0.0, 80.0):
             bench.send("go", position=position)
             bench.run(0.5)
-        assert bench.gripper.is_gripping
+        assert bench.gripper.fingers.is_gripping
         assert bench.kinds.count(EventKind.RELEASED) == 0
 
     def test_a_calibration_repeated_until_it_works_works_once(self, empty: Bench) -> None:
@@ -244,16 +244,16 @@ class TestOpening:
         for position in (first, second):
             bench.send("go", position=position)
             bench.run(STROKE_S + 0.05)
-        assert bench.gripper.percent == pytest.approx(second, abs=1e-9)
+        assert bench.gripper.fingers.percent == pytest.approx(second, abs=1e-9)
 
     def test_a_stop_leaves_them_where_they_are(self, empty: Bench) -> None:
         empty.send("go", position=0.0)
         empty.run(0.2)
         empty.send("stop")
-        before = empty.gripper.percent
+        before = empty.gripper.fingers.percent
         empty.run(1.0)
         assert 0.0 < before < 100.0
-        assert empty.gripper.percent == before
+        assert empty.gripper.fingers.percent == before
 
 
 class TestCommands:
@@ -285,7 +285,7 @@ class TestCommands:
         with pytest.raises(BadOrderError, match=said):
             empty.gripper.order(GripperOrder(command, args, "me", 1), is_enabled=True)
         assert empty.gripper.last == GripperOrder("")
-        assert not empty.gripper.is_moving
+        assert not empty.gripper.fingers.is_moving
 
     def test_a_disabled_robots_gripper_can_be_configured_but_does_not_move(
         self, empty: Bench
@@ -307,7 +307,7 @@ class TestCommands:
         empty.run(1.5)
         assert empty.gripper.is_calibrated
         empty.send("go", position=0.0)
-        assert empty.gripper.is_moving
+        assert empty.gripper.fingers.is_moving
 
     def test_a_reboot_forgets_calibration_and_parameters(self, empty: Bench) -> None:
         empty.send("configure", holding_force=70.0)
@@ -322,7 +322,7 @@ class TestCommands:
         empty.send("configure", velocity=25.0)
         empty.send("go", position=0.0)
         empty.run(STROKE_S)
-        assert empty.gripper.percent == pytest.approx(50.0, abs=100 * TICK_S / STROKE_S)
+        assert empty.gripper.fingers.percent == pytest.approx(50.0, abs=100 * TICK_S / STROKE_S)
 
     @pytest.mark.parametrize(
         ("holding", "moving", "force"), [(55.0, 40.0, 55.0), (30.0, 40.0, 41.0)]

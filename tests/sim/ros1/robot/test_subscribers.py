@@ -118,7 +118,9 @@ def test_no_messages_break_it(robot: Baxter, data: st.DataObject) -> None:
             assert (arm.q >= limits.q_min).all()
             assert (arm.q <= limits.q_max).all()
             assert (np.abs(arm.q - before[side]) <= 0.02 * SPEEDS + ROUNDING).all()
-        assert all(0.0 <= gripper.percent <= 100.0 for gripper in bench.baxter.grippers.values())
+        assert all(
+            0.0 <= gripper.fingers.percent <= 100.0 for gripper in bench.baxter.grippers.values()
+        )
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
