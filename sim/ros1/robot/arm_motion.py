@@ -287,13 +287,7 @@ class ContactStop:
     """
 
     def __init__(self, side: str, watch: ContactWatch, timeline: Timeline) -> None:
-        """Watch an arm.
-
-        Args:
-            side: "left" or "right".
-            watch: finds contacts of this arm only.
-            timeline: reports them.
-        """
+        """Watch one arm; the contacts of `watch` are this arm's only."""
         self._side, self._watch, self._timeline = side, watch, timeline
         self.is_stopped = self._is_inside = False
         self._steps_near = 0  # until a stop is reported again

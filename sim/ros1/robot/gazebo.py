@@ -61,13 +61,7 @@ class Models:
     def __init__(
         self, baxter: SimulatedBaxter, between: Between, report: Callable[[str], object]
     ) -> None:
-        """Serve a world.
-
-        Args:
-            baxter: the robot in that world.
-            between: calls a function between two ticks, in the thread that owns the world.
-            report: called with what happens.
-        """
+        """Serve the robot's world; `report` is called with what happens."""
         self._baxter, self._between, self._report = baxter, between, report
 
     def spawn(self, request: Message) -> Message:

@@ -66,15 +66,7 @@ class Fingers:
     def __init__(
         self, world: World, side: str, gripper: Gripper, timeline: Timeline, watch: ContactWatch
     ) -> None:
-        """The fingers of a hand in a world.
-
-        Args:
-            world: where they are.
-            side: "left" or "right".
-            gripper: attaches bodies to them.
-            timeline: reports what they do.
-            watch: finds what opening fingers run into.
-        """
+        """Move the fingers of a hand; `watch` finds what opening ones run into."""
         self._world, self._side, self._gripper = world, side, gripper
         self._timeline, self._watch = timeline, watch
         self._hand = world.hand(side)
@@ -130,12 +122,7 @@ class Fingers:
         self._land()
 
     def step(self, dt_s: float, speed_m_s: float) -> None:
-        """Let time pass.
-
-        Args:
-            dt_s: the time.
-            speed_m_s: speed of each finger.
-        """
+        """Let time pass; each finger goes at that speed."""
         self._fall_on(dt_s)
         if self._goal_m is None:
             return
@@ -275,12 +262,7 @@ class ElectricGripper:
     """
 
     def __init__(self, fingers: Fingers, *, is_calibrated: bool = True) -> None:
-        """Switch it on.
-
-        Args:
-            fingers: those of the hand.
-            is_calibrated: whether it is calibrated.
-        """
+        """Switch it on."""
         self.fingers = fingers
         self.is_calibrated = is_calibrated
         self.last = GripperOrder("")

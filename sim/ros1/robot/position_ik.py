@@ -41,14 +41,7 @@ class PositionIK:
         now: Callable[[], FloatArray],
         report: Callable[[str], object],
     ) -> None:
-        """Prepare the searches.
-
-        Args:
-            robot: whose arm.
-            side: "left" or "right".
-            now: returns the full configuration, rad and m.
-            report: called with the reason why a pose has no solution.
-        """
+        """Prepare the searches; `now` returns the full configuration, rad and m."""
         self._robot, self._now, self._report = robot, now, report
         self._arm = robot.arm(side)
         self._ik = IKService(self._arm)

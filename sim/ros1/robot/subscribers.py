@@ -34,13 +34,7 @@ class Subscribers:
     """All topics that the robot subscribes to."""
 
     def __init__(self, baxter: SimulatedBaxter, node: Node, diagnostics: Diagnostics) -> None:
-        """Subscribe.
-
-        Args:
-            baxter: the robot.
-            node: the node that subscribes.
-            diagnostics: of invalid messages.
-        """
+        """Subscribe by a node."""
         self._baxter, self._node, self._diagnostics = baxter, node, diagnostics
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
         self._subscribe_to_robot()

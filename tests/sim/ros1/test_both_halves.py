@@ -13,7 +13,6 @@ from baxter_kin import Baxter
 from planner import Plan, Response
 from sim import Event, EventKind, Simulation, World
 from sim.outcome import Dwell
-from sim.ros1.execution import readiness
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError
@@ -29,12 +28,6 @@ from tests.sim.runs import Witness
 SAME_PLACE_M = 1e-3
 LAG = Following(Follow.LAG, 0.4)
 KNOWN_LAG = Response((0.35, 0.45), 0.001)
-
-
-@pytest.fixture(autouse=True)
-def patient_with_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both halves share a process, and that a busy computer."""
-    monkeypatch.setattr(readiness, "MIN_RATE_HZ", 20.0)
 
 
 @dataclass

@@ -11,7 +11,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
 from sim.outcome import Dwell
-from sim.ros1.execution import stops
+from sim.ros1.execution import readiness, stops
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
@@ -42,8 +42,9 @@ class Network:
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests share a busy computer, on which a robot may fall silent for longer than allowed."""
+    """Tests share a busy computer, on which a robot may be slower or silent for longer."""
     monkeypatch.setattr(stops, "MAX_AGE_S", 2.0)
+    monkeypatch.setattr(readiness, "MIN_RATE_HZ", 20.0)
 
 
 @pytest.fixture(scope="session")
@@ -73,7 +74,13 @@ def networked(robot: Baxter, plan: Plan, **options: Any) -> Iterator[Network]:
 
 @pytest.fixture(scope="session")
 def ready(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
-    """What preflight made of the demo's plan at full speed."""
+    """What was prepared of the demo's plan at full speed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(readiness, "MIN_RATE_HZ", 20.0)
+        return prepared(robot, demo_plan)
+
+
+def prepared(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
     for network in networked(robot, demo_plan):
         readiness = network.executor(options=PREPARED).prepare(demo_plan)
         assert readiness.ready is not None, readiness.failures
