@@ -82,7 +82,7 @@ def ready(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
 
 def prepared(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
     for network in networked(robot, demo_plan):
-        readiness = network.executor(options=PREPARED).prepare(demo_plan)
-        assert readiness.ready is not None, readiness.failures
-        return readiness.ready
+        found = network.executor(options=PREPARED).prepare(demo_plan)
+        assert found.ready is not None, found.failures
+        return found.ready
     raise AssertionError
