@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from sim.ros1.definitions import message_type
+from tests.sim.ros1.execution.clock import VirtualTime
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,14 @@ class Heard:
 
 
 class Bus:
-    """Topics and parameters of a network."""
+    """Topics and parameters of a network, whose messages arrive at once.
 
-    def __init__(self) -> None:
+    Attributes:
+        clock: gives their times of arrival.
+    """
+
+    def __init__(self, clock: VirtualTime) -> None:
+        self.clock = clock
         self.parameters: dict[str, Any] = {}
         self.publishers: dict[str, list[BusPublisher]] = defaultdict(list)
         self.subscribers: dict[str, list[BusSubscriber]] = defaultdict(list)
@@ -122,7 +127,7 @@ class BusSubscriber:
         return self.node.publishers_of(self.topic)
 
     def deliver(self, message: Any, sender: str) -> None:
-        self._hear(Heard(message, sender, self.topic, time.monotonic()))
+        self._hear(Heard(message, sender, self.topic, self.node.bus.clock.now_s))
 
     def close(self) -> None:
         with self.node.bus.lock:

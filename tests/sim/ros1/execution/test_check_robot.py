@@ -72,7 +72,7 @@ CASES: list[tuple[str, Callable[[Network], object], str]] = [
         advertise("/robot/joint_states", "sensor_msgs/JointState", name=["left_s1"], position=[0]),
         "left_s1 is published by /baxter and /stranger",
     ),
-    ("joint states", lambda network: setattr(network.robot, "every", 10), "Hz are needed"),
+    ("joint states", lambda network: setattr(network.robot, "every", 5), "Hz are needed"),
     ("joint states", silence, "nothing was received of left_s0"),
     ("left arm", advertise(*COMMAND), "/stranger may command it"),
     ("left gripper", uncalibrate, "not calibrated"),

@@ -19,7 +19,7 @@ from sim.errors import RecordingError, SimulationError
 from sim.outcome import Dwell
 from sim.ros1.definitions import message_type
 from sim.ros1.execution.channel import ArmChannel
-from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
+from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
@@ -171,24 +171,15 @@ def troubled(
     network: Network, ready: ReadyPlan, trouble: Trouble, *observers: Observer
 ) -> MeasuredOutcome:
     """Carry the plan out; the trouble begins while the arm is on its first move."""
-    done = threading.Event()
+    network.when(lambda: has_moved(network, ready, 0.1), lambda: trouble.make(network))
+    return network.executor(*observers, options=trouble.options).execute(ready)
 
-    def wait_and_make() -> None:
-        start = ready.plan.q_start
-        names = [f"left_{j}" for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
-        while not done.wait(0.005):
-            q = np.array([network.robot.q[name] for name in names])
-            if np.abs(q - start).max() > 0.1:
-                trouble.make(network)
-                return
 
-    thread = threading.Thread(target=wait_and_make)
-    thread.start()
-    try:
-        return network.executor(*observers, options=trouble.options).execute(ready)
-    finally:
-        done.set()
-        thread.join()
+def has_moved(network: Network, ready: ReadyPlan, least_rad: float) -> bool:
+    """Whether a joint of the arm has left the start by so much."""
+    names = ready.manipulator.arm.joint_names
+    q = np.array([network.robot.q[name] for name in names])
+    return bool(np.abs(q - ready.plan.q_start).max() > least_rad)
 
 
 @pytest.mark.parametrize("trouble", TROUBLES, ids=lambda each: each.cause.name)
@@ -221,12 +212,10 @@ def test_an_arm_that_is_told_to_stop_holds_where_it_is_measured(
 ) -> None:
     """It lags, so that it is elsewhere than its set-point."""
     names = robot.arm("left").joint_names
-    for network in networked(robot, demo_plan, lag_s=0.2):
+    with networked(robot, demo_plan, lag_s=0.2) as network:
         executor = network.executor()
-        thread = threading.Thread(target=stop_on_the_way, args=(network, executor, ready, cause))
-        thread.start()
+        network.when(lambda: has_moved(network, ready, 0.3), lambda: executor.stop(cause))
         outcome = executor.execute(ready)
-        thread.join()
         assert outcome.stop is not None
         assert outcome.stop.cause is cause
         sent = np.array([[asked[name] for name in names] for _, asked in network.robot.commands])
@@ -234,18 +223,9 @@ def test_an_arm_that_is_told_to_stop_holds_where_it_is_measured(
         q_last, q_held = sent[held - 1], sent[held]
         assert np.abs(q_last - q_held).max() > 0.05
         assert np.abs([network.robot.q[n] for n in names] - q_held).max() < 0.02
-        assert 40 <= len(sent) - held <= 105  # a second of them
-        time.sleep(0.2)
+        assert 99 <= len(sent) - held <= 101  # a second of them
+        network.bus.clock.sleep(0.2)
         assert len(network.robot.commands) == len(sent)  # then silence
-
-
-def stop_on_the_way(
-    network: Network, executor: RosExecutor, ready: ReadyPlan, cause: StopCause
-) -> None:
-    """When a joint has moved a good deal and is fast."""
-    while abs(network.robot.q["left_s1"] - ready.plan.q_start[1]) < 0.3:
-        time.sleep(0.005)
-    executor.stop(cause)
 
 
 def test_a_gripper_that_closes_on_nothing_has_missed(network: Network, ready: ReadyPlan) -> None:
@@ -304,16 +284,11 @@ def test_an_arm_that_is_pushed_from_where_it_stands_is_stopped(
     options = ExecutionOptions(Pace(0.6), Dwell(1.0, 1.0))
 
     def push() -> None:
-        while not network.robot.gripper_commands or len(network.robot.gripper_commands) < 2:
-            time.sleep(0.01)
-        time.sleep(0.2)
         network.robot.faults.stuck = True
         network.robot.faults.push["left_w2"] = 0.2
 
-    thread = threading.Thread(target=push)
-    thread.start()
+    network.when(lambda: len(network.robot.gripper_commands) == 2, push)
     outcome = network.executor(options=options).execute(ready)
-    thread.join()
     assert outcome.stop is not None
     assert outcome.stop.cause is StopCause.RUNNING_AWAY
     assert outcome.stop.subject == "left_w2"
@@ -327,19 +302,24 @@ def test_an_observer_that_fails_ends_the_motion_and_is_heard(
             if snapshot.time_s > 0.3:
                 raise RecordingError("no space left on the disk")
 
+    network.bus.clock.on_tick.append(lambda: time.sleep(0.001))  # the observers' thread is real
     with pytest.raises(RecordingError, match="no space left"):
         network.executor(Full()).execute(ready)
     assert len(network.robot.commands) < 200  # the plan takes 300 set-points
 
 
-def test_an_observer_that_is_slow_delays_no_set_point(network: Network, ready: ReadyPlan) -> None:
-    class Slow(Observer):
-        def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002
-            time.sleep(0.02)
+def test_observers_have_a_thread_of_their_own(network: Network, ready: ReadyPlan) -> None:
+    """So that slow ones delay no set-point."""
+    threads = set()
 
-    outcome = network.executor(Slow()).execute(first_steps(ready))
+    class Threads(Observer):
+        def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002
+            threads.add(threading.current_thread())
+
+    outcome = network.executor(Threads()).execute(first_steps(ready))
     assert outcome.is_success, outcome.failure
-    assert outcome.lateness_s[0] < 0.005
+    assert len(threads) == 1
+    assert threading.current_thread() not in threads
 
 
 def test_set_points_do_not_jump_when_the_machine_is_busy(
@@ -353,7 +333,7 @@ def test_set_points_do_not_jump_when_the_machine_is_busy(
         send(self, q)
         paused.append(q)
         if len(paused) == 100:
-            time.sleep(0.13)
+            network.bus.clock.sleep(0.13)
 
     monkeypatch.setattr(ArmChannel, "send", sleepy)
     outcome = network.executor().execute(first_steps(ready))
@@ -379,7 +359,7 @@ def test_an_arm_that_was_moved_since_it_was_looked_at_is_not_driven(
 ) -> None:
     network.robot.q["left_s1"] += 0.1
     network.robot.goal["left_s1"] += 0.1
-    time.sleep(0.1)
+    network.bus.clock.sleep(0.1)
     with pytest.raises(SimulationError, match=r"stands 0\.100 rad from where it stood"):
         network.executor().execute(ready)
     assert network.robot.commands == []

@@ -26,7 +26,7 @@ def test_the_lag_of_every_joint_is_found(
     robot: Baxter, demo_plan: Plan, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "sim.ros1.execution.identification")
-    for network in networked(robot, demo_plan, lag_s=LAG_S):
+    with networked(robot, demo_plan, lag_s=LAG_S) as network:
         wait_for_arm(network)
         before = dict(network.robot.q)
         found = Identification(network.link, "left")
