@@ -41,7 +41,6 @@ from sim.ros1.execution.set_points import (
     Schedule,
     SentMotion,
     SetPoint,
-    motions_of,
     parts_of,
     slowed,
 )
@@ -162,7 +161,7 @@ class RosExecutor(NotCopied, OneLine):
         """Execute every step of a plan, or stop at the first that fails.
 
         Args:
-            plan: a valid plan, or one that was prepared right before.
+            plan: a valid plan, or one that was prepared right before, whose options count.
             title: put before each caption.
 
         Raises:
@@ -175,7 +174,7 @@ class RosExecutor(NotCopied, OneLine):
         ready = plan if isinstance(plan, ReadyPlan) else self._prepared(plan)
         check_unmoved(self._link, ready)
         self.enable(ready.plan.limb)
-        with Execution(self._link, self._observers, self.options, ready, title) as execution:
+        with Execution(self._link, self._observers, ready, title) as execution:
             self._watch = execution.watch
             if self._requested is not None:
                 execution.watch.request(self._requested)
@@ -210,11 +209,10 @@ class Execution:
         self,
         link: BaxterLink,
         observers: tuple[Observer, ...],
-        options: ExecutionOptions,
         ready: ReadyPlan,
         title: str,
     ) -> None:
-        self._link, self._options, self._ready, self._title = link, options, ready, title
+        self._link, self._options, self._ready, self._title = link, ready.options, ready, title
         self._observers, self._limb = observers, ready.plan.limb
         self._arm, self._hand = ready.manipulator.arm, ready.manipulator.hand
         self._parts = list(self._guarded_parts())
@@ -273,16 +271,18 @@ class Execution:
             return self._located(Stop(StopCause.SIGINT))
 
     def _guarded_parts(self) -> Iterator[tuple[SentMotion | Grip, PathGuard | None]]:
-        """Motions and actions of the fingers in order, each with the guard that then checks."""
+        """Motions and actions of the fingers, each with the guard that then checks.
+
+        Between two actions nothing changes but the arm, so one guard checks all motions there.
+        """
         guard: PathGuard | None = None
-        for part in parts_of(self._ready.plan):
-            if isinstance(part, Grip):
-                yield part, guard
-                continue
-            context = self._ready.manipulator.at(state_of(part[0]))
-            guard = PathGuard(context, self._arm.joint_names)
-            for motion in motions_of(part, self._options.pace):
-                yield motion, guard
+        has_acted = True
+        for part in parts_of(self._ready.plan, self._options.pace):
+            if isinstance(part, SentMotion) and has_acted:
+                context = self._ready.manipulator.at(state_of(part.moves[0]))
+                guard = PathGuard(context, self._arm.joint_names)
+            has_acted = isinstance(part, Grip)
+            yield part, guard
 
     def _steps(self) -> Stop | None:
         clearances = iter(self._ready.clearances)
@@ -388,7 +388,9 @@ class Execution:
             return Stop(StopCause.TIME_OUT, bound=timeout_s)
         is_connected = bool(self._channel.readers)
         if self._was_connected and not is_connected:
-            return Stop(StopCause.CONNECTION_LOST, detail="nobody takes the set-points any more")
+            return Stop(
+                StopCause.CONNECTION_LOST, detail="no node receives the set-points any more"
+            )
         self._was_connected = is_connected
         return None
 

@@ -50,7 +50,7 @@ from sim.ros1.execution.link import (
 from sim.ros1.execution.set_points import (
     MAX_SPEED_RAD_S,
     Pace,
-    motions_of,
+    SentMotion,
     parts_of,
     speed_ratio_for,
     too_fast,
@@ -142,6 +142,7 @@ class ReadyPlan(OneLine):
 
     Attributes:
         plan: complete, with the move to its start where one is needed.
+        options: how it is executed, as it was checked.
         manipulator: the arm of the robot as it describes itself.
         clearances: of each move.
         duration_s: how long the arm moves, as it is sent.
@@ -150,6 +151,7 @@ class ReadyPlan(OneLine):
     """
 
     plan: Plan
+    options: ExecutionOptions
     manipulator: Manipulator
     clearances: tuple[MoveClearance, ...]
     duration_s: float
@@ -413,8 +415,8 @@ class _PlanCheck:
             raise _RefusedError("plan", str(cause)) from cause
         self._check_certificate(plan, robot)
         clearances = self._clearances(plan, manipulator)
-        moves = [part for part in parts_of(plan) if not isinstance(part, Grip)]
-        motions = [m for group in moves for m in motions_of(group, self._options.pace)]
+        parts = parts_of(plan, self._options.pace)
+        motions = [part for part in parts if isinstance(part, SentMotion)]
         peaks = np.max([motion.peak_speeds() for motion in motions] or [np.zeros(7)], axis=0)
         self._check_speeds(peaks)
         proof, rates = self._tracking(plan, manipulator), peaks
@@ -426,7 +428,7 @@ class _PlanCheck:
             )
         duration_s = sum(motion.duration_s for motion in motions)
         ratio = speed_ratio_for(rates)
-        return ReadyPlan(plan, manipulator, clearances, duration_s, peaks, ratio)
+        return ReadyPlan(plan, self._options, manipulator, clearances, duration_s, peaks, ratio)
 
     def _found(self, name: str, text: str) -> None:
         self._findings.append(Finding(name, True, text))

@@ -145,16 +145,6 @@ def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
     )
 
 
-def parts_of(plan: Plan) -> Iterator[tuple[Move, ...] | Grip]:
-    """The actions of the fingers, and the moves between two of them, in order."""
-    for is_grip, steps in groupby(plan, lambda step: isinstance(step, Grip)):
-        parts = list(steps)
-        if is_grip:
-            yield from (step for step in parts if isinstance(step, Grip))
-        else:
-            yield tuple(step for step in parts if isinstance(step, Move))
-
-
 def motions_of(moves: Iterable[Move], pace: Pace) -> tuple[SentMotion, ...]:
     """Consecutive moves as motions that each end at rest."""
     motions, pending = [], list[Move]()
@@ -164,6 +154,16 @@ def motions_of(moves: Iterable[Move], pace: Pace) -> tuple[SentMotion, ...]:
             motions.append(SentMotion(pending, pace))
             pending = []
     return tuple(motions) if not pending else (*motions, SentMotion(pending, pace))
+
+
+def parts_of(plan: Plan, pace: Pace) -> Iterator[SentMotion | Grip]:
+    """Motions as they are sent, and the actions of the fingers between them, in order."""
+    for is_grip, steps in groupby(plan, lambda step: isinstance(step, Grip)):
+        parts = list(steps)
+        if is_grip:
+            yield from (step for step in parts if isinstance(step, Grip))
+        else:
+            yield from motions_of((step for step in parts if isinstance(step, Move)), pace)
 
 
 def speed_ratio_for(peaks: FloatArray) -> float:

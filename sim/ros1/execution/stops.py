@@ -128,12 +128,12 @@ _TEXTS: Mapping[StopCause, str] = FrozenMapping(
         StopCause.STALE_JOINTS: "the last state of {subject} is {value_ms} ms old, and {bound_ms} "
         "ms are allowed; look at the network and at the robot's load",
         StopCause.OTHER_COMMANDER: "{subject} commands this arm as well; end it first",
-        StopCause.OTHER_STATE: "{subject} publishes {detail} as well, so nobody knows whose to "
-        "believe; end it first",
+        StopCause.OTHER_STATE: "{subject} publishes {detail} as well, so it is not known which is "
+        "right; end it first",
         StopCause.CONNECTION_LOST: "the connection to the robot is lost: {detail}",
         StopCause.GRIPPER_MISSED: "missed: the fingers of the {subject} hand stopped at "
         "{value:.0f} % and hold nothing",
-        StopCause.GRIPPER_SILENT: "the {subject} gripper did not do as told within {bound:.3g} s: "
+        StopCause.GRIPPER_SILENT: "the {subject} gripper did not act within {bound:.3g} s: "
         "{detail}",
         StopCause.NOT_SETTLED: "{subject} is still {value:.4f} rad off after {bound:.3g} s; "
         "{detail}",

@@ -10,6 +10,7 @@ from typing import Any, cast
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
 from sim.outcome import Dwell
 from sim.ros1.execution.execution import RosExecutor
@@ -80,8 +81,8 @@ def networked(robot: Baxter, plan: Plan, **options: Any) -> Iterator[Network]:
 
 @pytest.fixture(scope="session")
 def ready(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
-    """What was prepared of the demo's plan at full speed."""
+    """What was prepared of the demo's plan at full speed, and is executed as `FAST`."""
     with networked(robot, demo_plan) as network:
         found = network.executor(options=PREPARED).prepare(demo_plan)
     assert found.ready is not None, found.failures
-    return found.ready
+    return evolve(found.ready, options=FAST)

@@ -172,7 +172,7 @@ def troubled(
 ) -> MeasuredOutcome:
     """Carry the plan out; the trouble begins while the arm is on its first move."""
     network.when(lambda: has_moved(network, ready, 0.1), lambda: trouble.make(network))
-    return network.executor(*observers, options=trouble.options).execute(ready)
+    return network.executor(*observers).execute(evolve(ready, options=trouble.options))
 
 
 def has_moved(network: Network, ready: ReadyPlan, least_rad: float) -> bool:
@@ -288,7 +288,7 @@ def test_an_arm_that_is_pushed_from_where_it_stands_is_stopped(
         network.robot.faults.push["left_w2"] = 0.2
 
     network.when(lambda: len(network.robot.gripper_commands) == 2, push)
-    outcome = network.executor(options=options).execute(ready)
+    outcome = network.executor().execute(evolve(ready, options=options))
     assert outcome.stop is not None
     assert outcome.stop.cause is StopCause.RUNNING_AWAY
     assert outcome.stop.subject == "left_w2"

@@ -93,16 +93,13 @@ def test_moves_that_pass_into_each_other_are_one_motion(demo_plan: Plan) -> None
     assert motions[0].index_at(approach.trajectory.duration - 1e-6) == 0
 
 
-def test_the_fingers_act_between_the_moves(demo_plan: Plan) -> None:
-    parts = list(parts_of(demo_plan))
-    labels = [[step.label for step in part] if isinstance(part, tuple) else part for part in parts]
-    assert labels[1::2] == [
-        ["pick: approach", "pick: descend"],
-        ["pick: retract", "place: approach", "place: descend"],
-        ["place: retract", *(move.label for move in demo_plan.moves[6:])],
-    ]
-    assert [part.action.value for part in parts[::2] if isinstance(part, Grip)] == [
-        *("open", "close", "open"),
+def test_the_fingers_act_between_the_motions(demo_plan: Plan) -> None:
+    parts = parts_of(demo_plan, Pace(0.5))
+    labels = [p.label if isinstance(p, Grip) else [move.label for move in p.moves] for p in parts]
+    assert labels == [
+        *("pick: open", ["pick: approach", "pick: descend"], "pick: close"),
+        *(["pick: retract", "place: approach", "place: descend"], "place: open"),
+        ["place: retract"],
     ]
 
 
