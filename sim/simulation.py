@@ -43,8 +43,8 @@ class Simulation(OneLine):
     """A world in time.
 
     Attributes:
-        world: what is moved.
-        grippers: left and right gripper by side; a side without fingers has none.
+        world: robot and bodies.
+        grippers: the grippers by side; a side without fingers has none.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Simulation(OneLine):
         """Start at time zero.
 
         Args:
-            world: what is moved.
+            world: robot and bodies.
             observers: notified in this order, first of the initial state.
             tick_s: time between snapshots, at least `MIN_TICK_S`.
             dwell: pauses after gripper actions.
@@ -85,7 +85,7 @@ class Simulation(OneLine):
         return self._timeline.time_s
 
     def enable(self) -> None:
-        """Switch the robot on, as the original does before it moves."""
+        """Enable the robot, as the original does before it moves."""
         self._timeline.notify(EventKind.ENABLED, "robot enabled")
 
     def spawn(self, body: Body) -> None:
@@ -98,19 +98,11 @@ class Simulation(OneLine):
         self._timeline.spawn(body)
 
     def delete(self, name: str) -> None:
-        """Remove a body.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Remove a body."""
         self._timeline.delete(name)
 
     def wait(self, duration_s: float) -> None:
-        """Let time pass.
-
-        Raises:
-            SimulationError: when the duration is negative or no number.
-        """
+        """Let time pass."""
         if finite_scalar(duration_s, "duration_s", SimulationError) < 0.0:
             raise SimulationError(f"time only goes forward; cannot wait {duration_s} s")
         if duration_s > MAX_WAIT_S:
