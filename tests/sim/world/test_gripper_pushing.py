@@ -132,7 +132,7 @@ def test_what_stands_on_a_pushed_body_rides_along(world: World) -> None:
     assert pushes["rider"].distance_m == pushes["b"].distance_m
 
 
-def test_looking_ahead_moves_nothing(world: World) -> None:
+def test_predicting_moves_nothing(world: World) -> None:
     put(world, "b", 0.004)
     before = world.q.tolist(), world.body("b").T_base_body
     squeezed(world)
