@@ -116,7 +116,7 @@ function keepInView() {
 // The program has sent what it showed; from here on the page needs it no more.
 let unpacking = Promise.resolve();
 function becomeReplay(base64) {
-  unpacking = decode(base64).then(unpack).then(playAgain).catch((error) => showStatus(`The replay cannot be shown: ${error.message}`));
+  unpacking = decode(base64).then(playAgain).catch((error) => showStatus(`The replay cannot be shown: ${error.message}`));
 }
 
 function playAgain(content) {

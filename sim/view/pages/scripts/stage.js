@@ -76,7 +76,7 @@ async function decode(base64) {
   const reader = Object.create(MeshCat.Viewer.prototype);
   reader.handle_command = (value) => { decoded = value; };
   reader.handle_command_bytearray(bytes);
-  return decoded;
+  return unpack(decoded);
 }
 
 // Geometries drawn more than once are stored once, by name.
