@@ -77,7 +77,7 @@ def _rounds(aim: Target, count: int, seed: int) -> tuple[Counter[str], list[tupl
 
 def _wait_until_quiet(aim: Target) -> None:
     end_s = time.monotonic() + QUIET_S
-    while aim.node._presence.board.connections and time.monotonic() < end_s:
+    while aim.node._server.peers and time.monotonic() < end_s:
         time.sleep(0.01)
 
 
@@ -87,7 +87,7 @@ def _faults(aim: Target, memory: list[tuple[float, float]]) -> list[str]:
         found.append("the node or the master does not work any more")
     all_counts = (aim.node.counts, aim.master.counts)
     found += [f"unforeseen errors: {counts!r}" for counts in all_counts if counts.faults]
-    if aim.node._presence.board.connections:
+    if aim.node._server.peers:
         found.append("connections stay open")
     growth_kb = memory[-1][0] - memory[WARM - 1][0]
     if growth_kb > GROWTH_KB:

@@ -24,8 +24,7 @@ import numpy as np
 
 from sim.errors import RosConnectionError
 from sim.ros1.definitions import service_type
-from sim.ros1.node import Node
-from sim.ros1.transport.tcpros.subscription import Received
+from sim.ros1.node import Node, Received
 
 SIDE = "left"
 JOINTS = tuple(f"{SIDE}_{name}" for name in ("s0", "s1", "e0", "e1", "w0", "w1", "w2"))

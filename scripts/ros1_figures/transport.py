@@ -14,8 +14,7 @@ from baxter_kin import Baxter
 from ros1_figures.figure import Figure, Reader
 from sim.ros1.definitions import MESSAGES, SERVICES
 from sim.ros1.master import Master
-from sim.ros1.node import Node
-from sim.ros1.offers import Publisher
+from sim.ros1.node import Node, Publisher
 from tests.sim.ros1.debian import generate_classes
 
 RATE_HZ = 100.0

@@ -1,14 +1,14 @@
-"""A small ROS 1 master: who publishes, listens and serves, and parameters.
+"""A small ROS 1 master: registrations of topics and services, and parameters.
 
 It has the methods that nodes, rostopic, rosnode, rosservice and rosparam call (ROS wiki, "Master
-API" and "Parameter server API"). What it does not have is statistics, and roslaunch's ways of
-starting nodes.
+API" and "Parameter server API"), without statistics and without roslaunch's ways of starting nodes.
 
     python -m sim.ros1.master --port 11311
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -23,25 +23,29 @@ from baxter_kin.display import OneLine
 from baxter_kin.fields import NotCopied
 from baxter_kin.validation import expect
 from sim.errors import RosError, RosMessageError
-from sim.ros1.mastering.directory import Change, Directory
-from sim.ros1.mastering.notifier import Notifier
-from sim.ros1.mastering.parameters import Parameters
-from sim.ros1.transport.network.addresses import Home, resolve
-from sim.ros1.transport.network.counts import Counts, Tally
-from sim.ros1.transport.network.loop import Loop
-from sim.ros1.transport.xmlrpc.server import Method, XmlRpcServer
+from sim.ros1.master_state import Change, Directory, Parameters
+from sim.ros1.transport import xmlrpc
+from sim.ros1.transport.addresses import Address, resolve
+from sim.ros1.transport.event_loop import Counts, EventLoop
+from sim.ros1.transport.streams import Server
 
-OK = 1
+OK = xmlrpc.SUCCESS
+
 DEFAULT_PORT = 11311
 
 NAME = "/master"
+
+ANSWER_S = 3.0
+"""Time limit for the answer of a node that is notified."""
+
+_LOG = logging.getLogger(__name__)
 
 Answer: TypeAlias = tuple[int, str, Any]
 """Code, text and value."""
 
 
 class Master(NotCopied, OneLine):
-    """A master, from its making until it is closed. A context manager.
+    """A master that serves until it is closed; a context manager.
 
     Attributes:
         uri: where nodes find it, as in ROS_MASTER_URI.
@@ -52,7 +56,7 @@ class Master(NotCopied, OneLine):
 
         Args:
             host: this computer's name or address; it listens on that address only.
-            port: 0 takes a free one.
+            port: 0 selects a free one.
 
         Raises:
             RosMessageError: when the port is not a whole number from 0 to 65535.
@@ -63,17 +67,17 @@ class Master(NotCopied, OneLine):
         self._directory = Directory()
         self._parameters = Parameters()
         self._watchers: dict[str, dict[str, str]] = {}
-        self._notifier = Notifier(NAME)
+        self._pending: dict[str, dict[tuple[str, ...], tuple[Any, ...]]] = {}
         self._ended = threading.Event()
-        self._tally = Tally()
-        home = Home(host, resolve(host, node="this computer"))
-        self._loop = Loop("master", self._tally)
+        address = Address(resolve(host, node="this computer"), port)
+        self._loop = EventLoop("master")
+        server = Server(self._loop, xmlrpc.XmlRpcHandler(self._methods()).serve)
         try:
-            self._server = XmlRpcServer(home, port, self._loop, self._tally, self._methods())
+            self._loop.run(server.start(address))
         except RosError:
             self._loop.close()
             raise
-        self.uri = self._server.uri
+        self.uri = f"http://{host}:{server.address.port}/"
 
     def __enter__(self) -> Master:
         return self
@@ -84,20 +88,18 @@ class Master(NotCopied, OneLine):
     @property
     def counts(self) -> Counts:
         """What went wrong on the network so far."""
-        return self._tally.counts
+        return self._loop.counts
 
     def close(self) -> None:
-        """Serve no more; nodes keep their connections. Twice is no trouble."""
-        if not self._ended.is_set():
-            self._ended.set()
-            self._loop.call(self._server.close)
-            self._loop.close()
+        """Stop serving; nodes keep their connections. Closing twice is harmless."""
+        self._ended.set()
+        self._loop.close()
 
     def wait_closed(self, timeout_s: float | None = None) -> bool:
         """Wait until it is closed; False when the time is over."""
         return self._ended.wait(timeout_s)
 
-    def _methods(self) -> dict[str, Method]:
+    def _methods(self) -> dict[str, xmlrpc.Method]:
         return {
             "deleteParam": self._delete_parameter,
             "getParam": lambda _, name: (OK, f"Parameter [{name}]", self._parameters.get(name)),
@@ -124,21 +126,21 @@ class Master(NotCopied, OneLine):
         }
 
     def _register_publisher(self, node: str, topic: str, kind: str, uri: str) -> Answer:
-        self._tell(self._directory.add_publisher(node, topic, kind, uri))
+        self._announce(self._directory.add_publisher(node, topic, kind, uri))
         return OK, f"Registered [{node}]", self._directory.subscribers_of(topic)
 
     def _register_subscriber(self, node: str, topic: str, kind: str, uri: str) -> Answer:
-        self._tell(self._directory.add_subscriber(node, topic, kind, uri))
+        self._announce(self._directory.add_subscriber(node, topic, kind, uri))
         return OK, f"Subscribed to [{topic}]", self._directory.publishers_of(topic)
 
     def _register_service(self, node: str, service: str, service_uri: str, uri: str) -> Answer:
-        self._tell(self._directory.add_service(node, service, service_uri, uri))
+        self._announce(self._directory.add_service(node, service, service_uri, uri))
         return OK, f"Registered [{node}]", 1
 
     def _unregister_publisher(self, node: str, topic: str, uri: str) -> Answer:
         was_there = self._directory.remove_publisher(node, topic, uri)
         if was_there:
-            self._tell(Change(topic, {}))
+            self._announce(Change(topic, {}))
         return OK, f"Unregistered [{node}]", int(was_there)
 
     def _unregister_subscriber(self, node: str, topic: str, uri: str) -> Answer:
@@ -147,21 +149,48 @@ class Master(NotCopied, OneLine):
     def _unregister_service(self, node: str, service: str, service_uri: str) -> Answer:
         return OK, "", int(self._directory.remove_service(node, service, service_uri))
 
-    def _tell(self, change: Change) -> None:
+    def _announce(self, change: Change) -> None:
         for node, uri in change.ended.items():
             reason = f"[{node}] Reason: new node registered with same name"
-            self._notifier.end(uri, reason)
+            self._notify(uri, ("shutdown",), reason)
         if change.topic:
             publishers = self._directory.publishers_of(change.topic)
             for uri in self._directory.subscribers_of(change.topic):
-                self._notifier.publishers_changed(uri, change.topic, publishers)
+                self._notify(uri, ("publisherUpdate", change.topic), change.topic, publishers)
+
+    def _notify(self, node_uri: str, key: tuple[str, ...], *args: Any) -> None:
+        """Call a node without waiting for it.
+
+        Args:
+            node_uri: its XML-RPC server.
+            key: name of the method first; a later call with an equal key replaces a waiting one.
+            *args: of the call.
+        """
+        is_running = node_uri in self._pending
+        pending = self._pending.setdefault(node_uri, {})
+        pending.pop(key, None)
+        pending[key] = args
+        if not is_running:
+            self._loop.spawn(self._call_node(node_uri))
+
+    async def _call_node(self, node_uri: str) -> None:
+        """Make all pending calls of a node, one after the other."""
+        pending = self._pending[node_uri]
+        while pending:
+            key = next(iter(pending))
+            args = pending.pop(key)
+            try:
+                await xmlrpc.call(node_uri, key[0], NAME, *args, node=node_uri, timeout_s=ANSWER_S)
+            except RosError as error:
+                _LOG.debug("%s", error)  # it may have ended without unregistering
+        del self._pending[node_uri]
 
     def _set_parameter(self, _: str, name: str, value: Any) -> Answer:
         self._parameters.set(name, value)
         for watched, uris in self._watchers.items():
             if f"{name}/".startswith(f"{watched}/"):
                 for uri in uris.values():
-                    self._notifier.parameter_changed(uri, name, value)
+                    self._notify(uri, ("paramUpdate", name), name, value)
         return OK, f"parameter {name} set", 0
 
     def _delete_parameter(self, _: str, name: str) -> Answer:
@@ -195,7 +224,7 @@ PROG = "python -m sim.ros1.master"
 
 @command(
     PROG,
-    "A small ROS 1 master: who publishes, subscribes and serves, and parameters. It runs until "
+    "A small ROS 1 master: registrations of topics and services, and parameters. It runs until "
     "Ctrl-C.",
     examples=("python -m sim.ros1.master", "python -m sim.ros1.master --port 11312"),
     end="Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot listen there; 2 wrong usage.",

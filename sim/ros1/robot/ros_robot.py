@@ -26,7 +26,7 @@ from sim.ros1.robot.topics.inlet import Inlets
 from sim.ros1.robot.topics.joint_topics import JointTopics
 from sim.ros1.robot.topics.outlet import Outlets
 from sim.ros1.robot.topics.state_topics import StateTopics
-from sim.ros1.transport.network import addresses
+from sim.ros1.transport import addresses
 from sim.world.world import World
 
 NAME = "/baxter_simulated"
@@ -204,7 +204,7 @@ class RosRobot(NotCopied, OneLine):
 
 def _loopback(given_uri: str | None) -> str:
     """The name by which only this computer reaches it."""
-    home = addresses.find_home(addresses.master_uri(given_uri))
+    home = addresses.find_local_host(addresses.master_uri(given_uri))
     if not ip_address(home.address).is_loopback:
         raise RosError(
             f"the simulated Baxter would listen on {home.address}, where others reach it; allow "

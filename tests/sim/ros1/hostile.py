@@ -15,9 +15,9 @@ import numpy as np
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.master import Master
 from sim.ros1.node import Node
-from sim.ros1.transport.network.addresses import Place, place_of
-from sim.ros1.transport.network.framing import framed, framed_header
-from sim.ros1_fields import Message
+from sim.ros1.transport.addresses import Address, parse_uri
+from sim.ros1.transport.streams import framed, framed_header
+from sim.ros1_messages import Message
 from tests.sim.ros1.wire import is_closed, topic_place, xmlrpc_place
 
 STATE = message_type("sensor_msgs/JointState")
@@ -47,6 +47,12 @@ class Target:
         answer = self.node.call("/s", DELETE.name, asked, timeout_s=LONG_S)
         names = self.node.nodes()
         return bool(answer.status_message == "block") and "/target" in names
+
+    def connect(self, uris: list[str]) -> None:
+        """Have the node connect to these publishers of the topic that it subscribes to."""
+        asked = ("/master", "/fed", uris)
+        with xmlrpc.client.ServerProxy(self.node.uri) as slave:
+            slave.publisherUpdate(*asked)
 
     def _count(self, _: object) -> None:
         self.received += 1
@@ -97,7 +103,7 @@ def _spoilt(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(spoilt[: int(rng.integers(len(spoilt) + 1))] if rng.random() < 0.2 else spoilt)
 
 
-def _send(place: Place, data: bytes) -> None:
+def _send(place: Address, data: bytes) -> None:
     with socket.create_connection(place, LONG_S) as sock:
         sock.settimeout(SOON_S)
         sock.sendall(data)
@@ -114,7 +120,7 @@ def _noise_to_node(aim: Target, rng: np.random.Generator) -> None:
 
 
 def _noise_to_master(aim: Target, rng: np.random.Generator) -> None:
-    _send(place_of(aim.master.uri), _noise(rng))
+    _send(parse_uri(aim.master.uri), _noise(rng))
 
 
 def _header(rng: np.random.Generator) -> bytes:
@@ -149,7 +155,7 @@ def _spoilt_call(aim: Target, rng: np.random.Generator) -> None:
         body = _spoilt(body, rng)
     head = f"POST / HTTP/1.1\r\nContent-Type: text/xml\r\nContent-Length: {len(body)}\r\n\r\n"
     data = head.encode() + body if rng.random() < 0.7 else _spoilt(head.encode() + body, rng)
-    place = xmlrpc_place(aim.node) if rng.random() < 0.5 else place_of(aim.master.uri)
+    place = xmlrpc_place(aim.node) if rng.random() < 0.5 else parse_uri(aim.master.uri)
     _send(place, data)
 
 
@@ -159,8 +165,7 @@ def _bad_publisher(aim: Target, rng: np.random.Generator) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.settimeout(LONG_S)
         uri = f"http://127.0.0.1:{listening.getsockname()[1]}/"
-        for subscription in aim.node._presence.board.subscriptions["/fed"]:
-            subscription.update([uri])
+        aim.connect([uri])
         with suppress(OSError):
             for step in steps:
                 with listening.accept()[0] as sock:
@@ -168,8 +173,7 @@ def _bad_publisher(aim: Target, rng: np.random.Generator) -> None:
                     sock.recv(65_536)
                     sock.sendall(step(listening.getsockname()[1]))
                 listening.settimeout(SOON_S)
-        for subscription in aim.node._presence.board.subscriptions["/fed"]:
-            subscription.update([])
+        aim.connect([])
 
 
 def _publisher_answer(rng: np.random.Generator) -> Callable[[int], bytes]:

@@ -24,6 +24,6 @@ def test_a_node_and_its_master_survive_hostile_peers() -> None:
         assert aim.node.counts.faults == aim.master.counts.faults == 0, f"seed {seed}"
         assert aim.node.counts.malformed > MESSAGES / 10
         assert aim.received > 0
-        until(lambda: not aim.node._presence.board.connections)
+        until(lambda: not aim.node._server.peers)
         assert listening_addresses(own_sockets() - before) == {LOOPBACK}
     until(lambda: not [each for each in threading.enumerate() if "/target" in each.name])

@@ -9,36 +9,28 @@ import socket
 import subprocess
 import sys
 from typing import Any
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import RosConnectionError, RosError
+from sim.ros1 import master as module
 from sim.ros1.master import Master
-from sim.ros1.mastering import notifier
-from sim.ros1.mastering.parameters import Parameters
-from sim.ros1.transport.network.addresses import Home
-from sim.ros1.transport.network.counts import Tally
-from sim.ros1.transport.network.loop import Loop
-from sim.ros1.transport.xmlrpc.client import ask
-from sim.ros1.transport.xmlrpc.server import XmlRpcServer
+from sim.ros1.master_state import Parameters
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import until
-from tests.sim.ros1.wire import listening_addresses, own_sockets
+from tests.sim.ros1.transport.test_xmlrpc import serving
+from tests.sim.ros1.wire import asked, listening_addresses, own_sockets
 
 TEXT = "std_msgs/String"
 NOWHERE = "http://127.0.0.1:1/"
-HERE = Home("127.0.0.1", "127.0.0.1")
 VALUES: Any = st.recursive(
     st.booleans() | st.integers(-(2**31), 2**31 - 1) | st.floats(allow_nan=False) | st.just("ü<&"),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from("abc"), inner),
     max_leaves=8,
 )
-
-
-def asked(uri: str, method: str, *args: Any) -> Any:
-    return ask(uri, method, "/asker", *args, node="the master", timeout_s=20.0)
 
 
 def test_what_is_registered_is_told(master_uri: str) -> None:
@@ -130,18 +122,15 @@ def test_who_asked_is_told_of_a_parameter_that_changes() -> None:
         told.append(args)
         return 1, "", 0
 
-    tally = Tally()
-    loop = Loop("watcher", tally)
-    server = XmlRpcServer(HERE, 0, loop, tally, {"paramUpdate": param_update})
-    with Master(port=0) as master:
-        assert asked(master.uri, "subscribeParam", server.uri, "/rate") == {}
+    watcher = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+    watcher.register_function(param_update, "paramUpdate")
+    with serving(watcher) as uri, Master(port=0) as master:
+        assert asked(master.uri, "subscribeParam", uri, "/rate") == {}
         asked(master.uri, "setParam", "/other", 1)
         asked(master.uri, "setParam", "/rate", 2)
         assert until(lambda: told) == [("/master", "/rate", 2)]
-        assert asked(master.uri, "unsubscribeParam", server.uri, "/rate") == 1
-        assert asked(master.uri, "unsubscribeParam", server.uri, "/rate") == 0
-    loop.call(server.close)
-    loop.close()
+        assert asked(master.uri, "unsubscribeParam", uri, "/rate") == 1
+        assert asked(master.uri, "unsubscribeParam", uri, "/rate") == 0
 
 
 def test_a_service_is_taken_over_by_the_last_who_offers_it(
@@ -161,7 +150,7 @@ def test_a_service_is_taken_over_by_the_last_who_offers_it(
 def test_a_node_that_does_not_answer_delays_nobody(
     own_master: str, make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(notifier, "ANSWER_S", 1000.0)
+    monkeypatch.setattr(module, "ANSWER_S", 1000.0)
     reader = make_node("/reader", own_master)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         uri = f"http://127.0.0.1:{silent.getsockname()[1]}/"

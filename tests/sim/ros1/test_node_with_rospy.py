@@ -10,8 +10,8 @@ import pytest
 
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import message_type, service_type
-from sim.ros1.transport import registry
-from sim.ros1_fields import Message
+from sim.ros1.transport import registration
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode, MakePeer
 from tests.sim.ros1.processes import DebianMaster, Peer, until
 
@@ -223,7 +223,7 @@ def test_debians_master_that_is_restarted_learns_of_us_again(
     make_peer: MakePeer,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "EVERY_S", 0.05)
+    monkeypatch.setattr(registration, "CHECK_S", 0.05)
     node = make_node("/ours", debian_master.uri)
     publisher = node.advertise("/t", TEXT.name)
     old = make_peer("old", debian_master.uri)

@@ -12,9 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim.ros1.definitions import service_type
-from sim.ros1.node import Node
-from sim.ros1.offers import Publisher
-from sim.ros1_fields import Message
+from sim.ros1.node import Node, Publisher
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.debian import PYTHON, environment
 from tests.sim.ros1.processes import ANSWER_S, Process, until

@@ -9,7 +9,7 @@ import pytest
 from sim.errors import RosConnectionError, ServiceRefused
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.node import Node
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import until
 
@@ -68,4 +68,4 @@ def test_a_callback_cannot_wait_for_a_service(
         "/t", TEXT.name, lambda _: reader.call("/s", DELETE.name, DELETE.request.make())
     )
     node.advertise("/t", TEXT.name, latch=True).send(data="x")
-    until(lambda: "a callback cannot wait for a service" in caplog.text)
+    until(lambda: "a callback cannot wait for an answer" in caplog.text)

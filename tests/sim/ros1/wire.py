@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,8 +10,9 @@ from typing import Any
 from xmlrpc.client import ServerProxy
 
 from sim.ros1.node import Node
-from sim.ros1.transport.network.addresses import Place
-from sim.ros1.transport.network.framing import framed_header, parse_header
+from sim.ros1.transport import xmlrpc
+from sim.ros1.transport.addresses import Address
+from sim.ros1.transport.streams import framed_header, parse_header
 
 ANSWER_S = 20.0
 
@@ -18,25 +20,32 @@ LISTENING = "0A"
 """The state of a socket in /proc/net/tcp."""
 
 
-def xmlrpc_place(node: Node) -> Place:
+def xmlrpc_place(node: Node) -> Address:
     """Where its XML-RPC server is."""
     host, _, port = node.uri.removeprefix("http://").rstrip("/").partition(":")
-    return Place(host, int(port))
+    return Address(host, int(port))
 
 
-def topic_place(node: Node, topic: str) -> Place:
+def asked(
+    uri: str, method: str, *args: Any, node: str = "the master", timeout_s: float = 20.0
+) -> Any:
+    """The value that a master or node answers to a node called /asker."""
+    return asyncio.run(xmlrpc.call(uri, method, "/asker", *args, node=node, timeout_s=timeout_s))
+
+
+def topic_place(node: Node, topic: str) -> Address:
     """Where readers of one of its topics connect."""
     with ServerProxy(node.uri) as slave:
         answer: Any = slave.requestTopic("/raw", topic, [["TCPROS"]])
     _, _, (_, host, port) = answer
-    return Place(host, port)
+    return Address(host, port)
 
 
-def connected(place: Place) -> socket.socket:
+def connected(place: Address) -> socket.socket:
     return socket.create_connection(place, ANSWER_S)
 
 
-def greeted(place: Place, fields: Mapping[str, str]) -> tuple[socket.socket, dict[str, str]]:
+def greeted(place: Address, fields: Mapping[str, str]) -> tuple[socket.socket, dict[str, str]]:
     """A connection after the handshake, and the answer's fields."""
     sock = connected(place)
     sock.sendall(framed_header(fields))

@@ -15,7 +15,7 @@ from sim.ros1.execution.link.baxter_link import JOINT_STATES, STATE, BaxterLink,
 from sim.ros1.execution.stops import Stop, StopCause
 
 if TYPE_CHECKING:
-    from sim.ros1.transport.tcpros.subscription import Received
+    from sim.ros1.node import Received
 
 OLDEST_S = 0.25
 """Joint states may be so old."""

@@ -17,8 +17,7 @@ from sim.ros1.execution.link.joint_table import JointTable
 from sim.world.gripper import GripperState
 
 if TYPE_CHECKING:
-    from sim.ros1.node import Node
-    from sim.ros1.transport.tcpros.subscription import Received
+    from sim.ros1.node import Node, Received
 
 JOINT_STATES = "/robot/joint_states"
 STATE = "/robot/state"

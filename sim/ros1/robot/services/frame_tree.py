@@ -10,7 +10,7 @@ from baxter_kin.display import quoted
 from baxter_kin.errors import PoseError
 from baxter_kin.frames import pose_from_quaternion
 from baxter_kin.validation import FloatArray
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 BASE = "base"
 

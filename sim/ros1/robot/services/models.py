@@ -19,7 +19,7 @@ from sim.ros1.definitions import service_type
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.services.frame_tree import T_base_frame, pose_of
 from sim.ros1.robot.services.model_text import body_of_text
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 SPAWN, DELETE = "gazebo_msgs/SpawnModel", "gazebo_msgs/DeleteModel"
 

@@ -24,7 +24,7 @@ from baxter_kin.validation import FloatArray
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import service_type
 from sim.ros1.robot.services.frame_tree import T_base_frame, pose_of
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 TYPE = "baxter_core_msgs/SolvePositionIK"
 

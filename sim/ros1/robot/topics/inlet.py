@@ -12,13 +12,12 @@ from concurrent.futures import Future
 from functools import partial
 
 from baxter_kin.kinematics.arm import LIMBS
-from sim.ros1.node import Node
+from sim.ros1.node import Node, Received
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.complaints import Complaints
 from sim.ros1.robot.parts.electric_gripper import GripperOrder
 from sim.ros1.robot.parts.joint_order import BadOrderError
-from sim.ros1.transport.tcpros.subscription import Received
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 CORE = "baxter_core_msgs"
 PRESS_TOPIC = "/robot/sim/press"

@@ -11,7 +11,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
 from sim.ros1.robot.topics.outlet import Outlets
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 
 class JointTopics:

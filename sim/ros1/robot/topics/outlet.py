@@ -13,9 +13,8 @@ from typing import Any
 
 from baxter_kin.display import OneLine, count
 from sim.ros1.definitions import message_type
-from sim.ros1.node import Node
-from sim.ros1.offers import Publisher
-from sim.ros1_fields import Message
+from sim.ros1.node import Node, Publisher
+from sim.ros1_messages import Message
 
 Fill = Callable[[Message], object]
 """Writes what is so now into a topic's message."""

@@ -21,7 +21,7 @@ from sim.ros1.robot.parts.panel import (
     Panel,
 )
 from sim.ros1.robot.topics.outlet import Outlets
-from sim.ros1_fields import Message
+from sim.ros1_messages import Message
 
 CORE = "baxter_core_msgs"
 

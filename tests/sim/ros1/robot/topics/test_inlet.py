@@ -17,11 +17,11 @@ from planner import Body
 from planner.errors import SceneError
 from sim import World
 from sim.ros1.definitions import message_type
+from sim.ros1.node import Received
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.complaints import Complaints
 from sim.ros1.robot.parts.panel import OUTPUTS, PRESSABLE
 from sim.ros1.robot.topics.inlet import Inlets
-from sim.ros1.transport.tcpros.subscription import Received
 
 SPEEDS = np.array([2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 ROUNDING = 1e-9

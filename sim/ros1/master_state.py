@@ -1,4 +1,4 @@
-"""Who publishes, listens and serves."""
+"""What a master knows: nodes with their topics and services, and parameters."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 from sim.errors import RosError
 
 ANY_TYPE = "*"
+"""The type of a topic that nobody has published yet."""
 
 
 class Change(NamedTuple):
-    """What nodes are to be told after a registration.
+    """What nodes have to learn after a registration.
 
     Attributes:
-        topic: whose publishers are others now; empty when none are.
+        topic: whose publishers have changed, or an empty name.
         ended: XML-RPC servers of nodes whose name another node has taken, by that name.
     """
 
@@ -33,36 +34,36 @@ class Directory:
         self._types: dict[str, str] = {}
 
     def add_publisher(self, node: str, topic: str, kind: str, uri: str) -> Change:
-        """Note that a node publishes a topic."""
-        ended = self._meet(node, uri)
+        """Add a publisher of a topic."""
+        ended = self._set_uri(node, uri)
         self._publishers.setdefault(topic, {})[node] = uri
         if kind != ANY_TYPE:
             self._types[topic] = kind
         return Change(topic, ended)
 
     def add_subscriber(self, node: str, topic: str, kind: str, uri: str) -> Change:
-        """Note that a node listens to a topic."""
-        ended = self._meet(node, uri)
+        """Add a subscriber to a topic."""
+        ended = self._set_uri(node, uri)
         self._subscribers.setdefault(topic, {})[node] = uri
         self._types.setdefault(topic, kind)
         return Change("", ended)
 
     def add_service(self, node: str, service: str, service_uri: str, uri: str) -> Change:
-        """Note that a node serves; it takes the service over from another one."""
-        ended = self._meet(node, uri)
+        """Add a service, which the node takes over if another one had it."""
+        ended = self._set_uri(node, uri)
         self._services[service] = (node, service_uri)
         return Change("", ended)
 
     def remove_publisher(self, node: str, topic: str, uri: str) -> bool:
-        """Whether it was one."""
+        """Remove a publisher; whether it was there."""
         return self._remove(self._publishers, node, topic, uri)
 
     def remove_subscriber(self, node: str, topic: str, uri: str) -> bool:
-        """Whether it was one."""
+        """Remove a subscriber; whether it was there."""
         return self._remove(self._subscribers, node, topic, uri)
 
     def remove_service(self, node: str, service: str, service_uri: str) -> bool:
-        """Whether it was its."""
+        """Remove a service; whether the node had it."""
         if self._services.get(service) != (node, service_uri):
             return False
         del self._services[service]
@@ -70,31 +71,31 @@ class Directory:
         return True
 
     def publishers_of(self, topic: str) -> list[str]:
-        """Their XML-RPC servers."""
+        """The XML-RPC servers of a topic's publishers."""
         return list(self._publishers.get(topic, {}).values())
 
     def subscribers_of(self, topic: str) -> list[str]:
-        """Their XML-RPC servers."""
+        """The XML-RPC servers of a topic's subscribers."""
         return list(self._subscribers.get(topic, {}).values())
 
     def node_uri(self, node: str) -> str:
-        """A node's XML-RPC server."""
+        """The XML-RPC server of a node."""
         if node not in self._uris:
             raise RosError(f"unknown node [{node}]")
         return self._uris[node]
 
     def service_uri(self, service: str) -> str:
-        """Where a service is."""
+        """Where clients of a service connect."""
         if service not in self._services:
             raise RosError("no provider")
         return self._services[service][1]
 
     def types(self) -> list[list[str]]:
-        """Of all topics that were ever named."""
+        """Topic and type of every topic that was ever registered."""
         return [[topic, kind] for topic, kind in self._types.items()]
 
     def published(self, below: str) -> list[list[str]]:
-        """Topics with a publisher and their types, those below a namespace."""
+        """Topic and type of every topic below a namespace that has a publisher."""
         start = below if below.endswith("/") else f"{below}/"
         return [
             [topic, self._types.get(topic, ANY_TYPE)]
@@ -110,8 +111,8 @@ class Directory:
             [[service, [node]] for service, (node, _) in self._services.items()],
         ]
 
-    def _meet(self, node: str, uri: str) -> dict[str, str]:
-        """Know a node by that server; who had its name before loses what it had."""
+    def _set_uri(self, node: str, uri: str) -> dict[str, str]:
+        """Set the server of a node; an earlier node of its name loses everything."""
         before = self._uris.get(node, uri)
         self._uris[node] = uri
         if before == uri:
@@ -145,3 +146,81 @@ class Directory:
             for nodes in all_of.values():
                 yield from nodes
         yield from (node for node, _ in self._services.values())
+
+
+class Parameters:
+    """A tree of values with names such as "/rethink/software_version"."""
+
+    def __init__(self) -> None:
+        self._root: dict[str, Any] = {}
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a value; a mapping replaces everything below the name."""
+        keys = _keys(name)
+        if not keys:
+            if not isinstance(value, dict):
+                raise RosError("cannot set / to anything but a mapping")
+            self._root = value
+            return
+        level = self._root
+        for key in keys[:-1]:
+            if not isinstance(level.get(key), dict):
+                level[key] = {}
+            level = level[key]
+        level[keys[-1]] = value
+
+    def get(self, name: str) -> Any:
+        """The value, or the mapping of everything below the name."""
+        found: Any = self._root
+        for key in _keys(name):
+            if not isinstance(found, dict) or key not in found:
+                raise RosError(f"Parameter [{name}] is not set")
+            found = found[key]
+        return found
+
+    def has(self, name: str) -> bool:
+        """Whether there is a value."""
+        try:
+            self.get(name)
+        except RosError:
+            return False
+        return True
+
+    def delete(self, name: str) -> None:
+        """Remove a value and everything below it."""
+        self.get(name)
+        *above, last = _keys(name) or [""]
+        level = self._root
+        for key in above:
+            level = level[key]
+        level.pop(last, None)
+
+    def search(self, name: str, namespace: str) -> str:
+        """The full name of the first parameter of that name, from a namespace upwards."""
+        if name.startswith("/"):
+            self.get(name.split("/")[1])
+            return name
+        first = name.split("/", maxsplit=1)[0]
+        levels = _keys(namespace)
+        while True:
+            if self.has("/".join([*levels, first])):
+                return "/" + "/".join([*levels, name])
+            if not levels:
+                raise RosError(f"Cannot find parameter [{name}] in an upwards search")
+            levels.pop()
+
+    def names(self) -> list[str]:
+        """The full names of all values that are not mappings."""
+        return list(_leaves("", self._root))
+
+
+def _keys(name: str) -> list[str]:
+    return [key for key in name.split("/") if key]
+
+
+def _leaves(prefix: str, level: dict[str, Any]) -> Iterator[str]:
+    for key, value in level.items():
+        if isinstance(value, dict) and value:
+            yield from _leaves(f"{prefix}/{key}", value)
+        else:
+            yield f"{prefix}/{key}"

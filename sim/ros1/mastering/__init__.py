@@ -1,1 +1,0 @@
-"""The parts of the small master: who is there, parameters, and telling nodes what changed."""

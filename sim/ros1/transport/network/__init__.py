@@ -1,1 +1,0 @@
-"""Sockets, and the one thread that waits for all of a node's."""

@@ -1,1 +1,0 @@
-"""TCPROS: how messages, requests and responses travel."""

@@ -1,0 +1,125 @@
+"""The event loop of a node, and the threads around it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from sim.errors import RosError
+from sim.ros1.transport.event_loop import EventLoop, in_thread
+from tests.sim.ros1.processes import until
+
+
+@pytest.fixture
+def loop() -> Iterator[EventLoop]:
+    loop = EventLoop("test")
+    yield loop
+    loop.close()
+
+
+def test_calls_of_any_thread_run_in_one(loop: EventLoop) -> None:
+    found: list[tuple[int, bool]] = []
+
+    def call(number: int) -> None:
+        loop.call(lambda: found.append((number, loop.is_current)))
+
+    threads = [threading.Thread(target=call, args=(number,)) for number in range(20)]
+    for thread in threads:
+        thread.start()
+    until(lambda: len(found) == 20)
+    assert sorted(found) == [(number, True) for number in range(20)]
+    assert not loop.is_current
+
+
+def test_results_and_errors_of_a_coroutine_reach_the_caller(loop: EventLoop) -> None:
+    async def divide(a: float, b: float) -> float:
+        await asyncio.sleep(0.0)
+        return a / b
+
+    assert loop.run(divide(6.0, 3.0)) == 2.0
+    with pytest.raises(ZeroDivisionError):
+        loop.run(divide(1.0, 0.0))
+
+
+def test_a_failed_background_task_is_counted_and_logged(
+    loop: EventLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def fail() -> None:
+        raise ZeroDivisionError("of a task")
+
+    loop.call(lambda: loop.spawn(fail()))
+    until(lambda: loop.counts.faults == 1)
+    assert "of a task" in caplog.text
+    assert loop.run(asyncio.sleep(0.0, "alive")) == "alive"
+
+
+def test_who_waits_for_a_loop_that_is_closed_gets_an_error(loop: EventLoop) -> None:
+    reasons: list[str] = []
+
+    def wait() -> None:
+        try:
+            loop.run(asyncio.sleep(1000.0))
+        except RosError as error:
+            reasons.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    until(lambda: loop.run(_number_of_tasks()) > 2)
+    loop.close()
+    thread.join(20.0)
+    assert reasons == ["the test was closed meanwhile"]
+    with pytest.raises(RosError, match="the test is closed"):
+        loop.run(asyncio.sleep(0.0))
+    loop.call(lambda: reasons.append("called"))
+    loop.close()
+    assert reasons == ["the test was closed meanwhile"]
+    assert repr(loop) == "EventLoop(test, ended)"
+
+
+async def _number_of_tasks() -> int:
+    return len(asyncio.all_tasks())
+
+
+def test_its_own_thread_cannot_wait_and_may_close(loop: EventLoop) -> None:
+    reasons: list[str] = []
+
+    def call() -> None:
+        try:
+            loop.run(asyncio.sleep(0.0))
+        except RosError as error:
+            reasons.append(str(error))
+        loop.close()
+
+    loop.call(call)
+    until(lambda: "ended" in repr(loop))
+    assert reasons == ["a callback cannot wait for an answer: call it in another thread"]
+
+
+def test_a_thread_that_blocks_holds_up_neither_the_loop_nor_its_end(loop: EventLoop) -> None:
+    released = threading.Event()
+
+    async def block() -> None:
+        await in_thread(released.wait, 20.0)
+
+    loop.call(lambda: loop.spawn(block()))
+    assert loop.run(asyncio.sleep(0.0, 7)) == 7
+    loop.close()
+    assert repr(loop) == "EventLoop(test, ended)"
+    released.set()
+
+
+def test_results_and_errors_of_a_thread_are_awaited(
+    loop: EventLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
+    with pytest.raises(ZeroDivisionError):
+        loop.run(in_thread(divmod, 7, 0))
+
+    def fail(_: threading.Thread) -> None:
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    monkeypatch.setattr(threading.Thread, "start", fail)
+    assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
