@@ -11,7 +11,7 @@ every other body.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -121,36 +121,45 @@ class Nearest:
     points_base: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Surroundings:
     """What one arm is measured against while no body moves but the one in its hand.
 
     Attributes:
-        key: everything that the checker was made from.
-        held: the body in the hand, if any.
         checker: of the arm.
-        names: the link or body of each shape.
         pairs: numbers of the pairs that count.
     """
 
-    key: tuple[object, ...]
-    held: Attachment | None
-    checker: ClearanceChecker
-    names: tuple[str, ...]
-    pairs: Indices
+    def __init__(
+        self, shapes: RobotShapes, arm: Arm, scene: Scene, hand: HandState, held: Attachment | None
+    ) -> None:
+        self.checker = ClearanceChecker(
+            shapes,
+            arm,
+            scene,
+            touchable=hand.touchable if hand.touchable in scene.bodies else None,
+            held=held,
+            supports=list(scene.bodies) if hand.supports is None else hand.supports,
+        )
+        placed = self.checker.geometry.geometryObjects
+        self._names = np.array([shape.name.rpartition("/")[0] for shape in placed])
+        self.pairs: Indices = np.arange(len(self.checker.pairs))
+        if hand.supports is None:
+            of_hand = self.pairs_of({shapes.links[i] for i in shapes.of_hand(arm)})
+            of_bodies = self.pairs_of({body.name for body in scene if body.is_movable})
+            self.pairs = np.setdiff1d(self.pairs, np.intersect1d(of_hand, of_bodies))
 
-    def names_of(self, pair: int) -> tuple[str, str]:
+    def names_of(self, pair: int) -> list[str]:
         """The two links or bodies of a pair."""
-        first, second = self.checker.pairs[pair]
-        return self.names[first], self.names[second]
+        names: list[str] = self._names[self.checker.pairs[pair]].tolist()
+        return names
 
-    def pairs_of(self, names: frozenset[str]) -> Indices:
+    def pairs_of(self, names: Collection[str]) -> Indices:
         """Those of the pairs that some links or bodies belong to."""
-        is_of = np.array([name in names for name in self.names])
+        is_of = np.isin(self._names, list(names))
         pairs: Indices = self.pairs[is_of[self.checker.pairs[self.pairs]].any(axis=1)]
         return pairs
 
-    def result(self, pair: int, distance_m: float, moving: frozenset[str]) -> Nearest:
+    def result(self, pair: int, distance_m: float, moving: Collection[str]) -> Nearest:
         """The result for a pair whose distance was just measured; of names, those that move."""
         checked = self.checker.checked
         numbers = checked.pairs[pair]
@@ -166,7 +175,7 @@ class _Surroundings:
             distance_m = float(np.linalg.norm(points[1] - points[0]))
         first, second = self.names_of(pair)
         if second in moving and first not in moving:
-            return Nearest(distance_m, second, first, points[::-1])
+            first, second, points = second, first, points[::-1]
         return Nearest(distance_m, first, second, points)
 
 
@@ -182,7 +191,7 @@ class ClearanceMeter:
         """
         _ = shapes.made
         self._shapes, self._bodies = shapes, dict(bodies)
-        self._known: dict[str, _Surroundings] = {}
+        self._known: dict[str, tuple[tuple[object, ...], Attachment | None, _Surroundings]] = {}
 
     def at(
         self,
@@ -211,7 +220,7 @@ class ClearanceMeter:
         shapes, arms = self._shapes, [self._shapes.robot.arm(side) for side in moving]
         held = {hands[side].held or "" for side in moving}
         of_arms, of_hands = (
-            frozenset(shapes.links[i] for arm in arms for i in of(arm)) | held
+            held.union(shapes.links[i] for arm in arms for i in of(arm))
             for of in (shapes.of_arm, shapes.of_hand)
         )
         below_m = distance_m + TIE_M
@@ -225,49 +234,25 @@ class ClearanceMeter:
         self, side: str, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], hand: HandState
     ) -> _Surroundings:
         """Those of an arm; made again when they have changed since the last call."""
-        held, robot = None, self._shapes.robot
-        arm, name = robot.arm(side), hand.held
+        held, robot, name = None, self._shapes.robot, hand.held
+        arm = robot.arm(side)
         if name is not None and name in T_base_bodies:
             T_tip_base = arm.T_base_tip(q[list(robot.indices(arm.joint_names))]).inverse()
             held = Attachment(name, arm.tip_frame, T_tip_base * T_base_bodies[name])
         poses = {n: T.homogeneous.tobytes() for n, T in T_base_bodies.items() if n != name}
         key = (hand, *poses.items())
         known = self._known.get(side)
-        if known is None or known.key != key or not _is_same_grasp(known.held, held):
-            scene = Scene.of(self._bodies[name].at(T) for name, T in T_base_bodies.items())
-            known = self._known[side] = self._made(key, arm, scene, hand, held)
-        return known
-
-    def _made(
-        self,
-        key: tuple[object, ...],
-        arm: Arm,
-        scene: Scene,
-        hand: HandState,
-        held: Attachment | None,
-    ) -> _Surroundings:
-        checker = ClearanceChecker(
-            self._shapes,
-            arm,
-            scene,
-            touchable=hand.touchable if hand.touchable in scene.bodies else None,
-            held=held,
-            supports=list(scene.bodies) if hand.supports is None else hand.supports,
-        )
-        shapes = checker.geometry.geometryObjects
-        names = tuple(shape.name.rpartition("/")[0] for shape in shapes)
-        pairs = np.arange(len(checker.pairs))
-        if hand.supports is None:
-            of_hand = np.isin(checker.pairs, list(self._shapes.of_hand(arm)))
-            is_movable = np.array([n in scene.bodies and scene[n].is_movable for n in names])
-            pairs = np.flatnonzero(~(of_hand.any(axis=1) & is_movable[checker.pairs].any(axis=1)))
-        return _Surroundings(key, held, checker, names, pairs)
+        if known is None or known[0] != key or not _is_same_grasp(known[1], held):
+            scene = Scene.of(self._bodies[each].at(T) for each, T in T_base_bodies.items())
+            around = _Surroundings(self._shapes, arm, scene, hand, held)
+            known = self._known[side] = key, held, around
+        return known[2]
 
 
 def _is_same_grasp(one: Attachment | None, other: Attachment | None) -> bool:
     if one is None or other is None:
         return one is other
-    return one.body == other.body and one.T_link_body.isApprox(other.T_link_body, SAME_GRASP)
+    return bool(one.T_link_body.isApprox(other.T_link_body, SAME_GRASP))
 
 
 def recorded_clearance(

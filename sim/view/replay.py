@@ -132,8 +132,7 @@ def write_replay(
         compare: a recording or plan of the same robot, shown as a ghost; both begin at once.
 
     Raises:
-        RecordingError: when there is nothing to replay, it is of another robot, a plan is not
-            valid, or the file cannot be written.
+        RecordingError: as of `Replay`, or when the file cannot be written.
     """
     text = replay_html(recording, robot, title=title, body=body, compare=compare)
     with explained(f"cannot write the replay to {shown_path(path)}"):

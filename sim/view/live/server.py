@@ -25,7 +25,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop, PeriodicCallback
+from tornado.ioloop import IOLoop
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -41,9 +41,6 @@ ADDRESS = "127.0.0.1"
 FIRST_PORT = 7000
 PORTS_TRIED = 20
 """By default, the first free port of this number from `FIRST_PORT` is taken, else any."""
-
-SENDING_PERIOD_MS = 1000.0 / 60.0
-"""Time between two transmissions to a browser that keeps up."""
 
 MAX_GOODBYE_S = 5.0
 """How long closing waits for browsers to receive what was shown last: a replay of 3 MB, which takes
@@ -122,7 +119,7 @@ class LiveServer(NotCopied):
         """
         self._socket = _listening_socket(port)
         self.url = f"http://{ADDRESS}:{self._socket.getsockname()[1]}/"
-        self._pacing, self._is_closed = pacing, False
+        self._pacing, self._is_closed, self._has_news = pacing, False, False
         self._changed = threading.Condition()
         self._scene = LatestMessages(keeps_deletions=False)
         self._browsers: dict[_Browser, LatestMessages] = {}
@@ -212,6 +209,9 @@ class LiveServer(NotCopied):
                 if self._scene.put(path, topic, message) or path:
                     for waiting in self._browsers.values():
                         waiting.put(path, topic, message)
+            if self._browsers and not self._has_news:
+                self._has_news = True
+                self._loop.add_callback(self._send)
 
     def _publish_clock(self, *, is_running: bool = True) -> None:
         clock = None
@@ -221,17 +221,15 @@ class LiveServer(NotCopied):
         self._put([], {"clock": clock})
 
     def _send(self) -> None:
+        self._has_news = False
         for browser in self._browsers:
-            IOLoop.current().spawn_callback(browser.send_waiting)
+            self._loop.spawn_callback(browser.send_waiting)
 
     async def _serve(self, started: Future[IOLoop]) -> None:
         server = HTTPServer(self._application)
         server.add_socket(self._socket)
-        sending = PeriodicCallback(self._send, SENDING_PERIOD_MS)
-        sending.start()
         started.set_result(IOLoop.current())
         await self._stop.wait()
-        sending.stop()
         server.stop()
         await asyncio.gather(*(browser.say_goodbye() for browser in list(self._browsers)))
         await server.close_all_connections()
@@ -331,8 +329,9 @@ class _Browser(_LocalHandler, WebSocketHandler):
             return
         async with self._sending:
             with contextlib.suppress(WebSocketClosedError):
-                for message in self._server.take_messages(self):
-                    await self.write_message(message, binary=isinstance(message, bytes))
+                while messages := self._server.take_messages(self):
+                    for message in messages:
+                        await self.write_message(message, binary=isinstance(message, bytes))
 
     async def say_goodbye(self) -> None:
         """Send the last messages, close, and wait until the browser has read them, or give up."""

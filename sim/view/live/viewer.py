@@ -123,10 +123,7 @@ class Viewer(NotCopied, Observer):
         """Wait until a browser shows the page; returns whether one does.
 
         Args:
-            timeout_s: maximum waiting time.
-
-        Raises:
-            ViewerError: when the time is not a number from 0 to `MAX_WAIT_S`.
+            timeout_s: maximum waiting time, at most `MAX_WAIT_S`.
         """
         seconds = finite_scalar(timeout_s, "timeout_s", ViewerError)
         if not 0.0 <= seconds <= MAX_WAIT_S:
@@ -134,11 +131,7 @@ class Viewer(NotCopied, Observer):
         return self._server.wait(seconds)
 
     def on_start(self, state: State) -> None:
-        """Show the state at the beginning of a simulation; a closed view shows nothing.
-
-        Raises:
-            ViewerError: when it is not a state, or one of another robot.
-        """
+        """Show the state at the beginning of a simulation; a closed view shows nothing."""
         expect(state, State, "state", ViewerError)
         if self._server.is_closed:
             return
@@ -149,11 +142,7 @@ class Viewer(NotCopied, Observer):
         self._begin_run(state)
 
     def on_event(self, event: Event) -> None:
-        """Show a body that appears or disappears, or a new goal; a closed view shows nothing.
-
-        Raises:
-            ViewerError: when it is not an event.
-        """
+        """Show a body that appears or disappears, or a new goal; a closed view shows nothing."""
         expect(event, Event, "event", ViewerError)
         if self._server.is_closed:
             return
@@ -174,7 +163,7 @@ class Viewer(NotCopied, Observer):
         A closed view shows nothing, and does not wait.
 
         Raises:
-            ViewerError: when it is not a snapshot, or one of another robot.
+            ViewerError: when it is a snapshot of another robot.
         """
         expect(snapshot, Snapshot, "snapshot", ViewerError)
         if self._server.is_closed:
@@ -217,11 +206,7 @@ class Viewer(NotCopied, Observer):
         self._draw(configuration, T_base_bodies, caption=caption, seed=seed)
 
     def add_body(self, body: Body) -> None:
-        """Show a body at its pose, in place of one of its name; replays do not measure it.
-
-        Raises:
-            ViewerError: when the view is closed.
-        """
+        """Show a body at its pose, in place of one of its name; replays do not measure it."""
         self._server.publish(self._scene.add_body(expect(body, Body, "body", ViewerError)))
 
     def remove_body(self, name: str) -> None:

@@ -339,6 +339,6 @@ def test_when_the_program_is_killed_the_page_says_so_and_keeps_the_scene(browser
         watched.page.wait_for_function("drawnAt(viewer.scene_tree.children.floor)")
         watched.page.wait_for_function("nodeAt('/robot/left_s0/moves/left_s1')")
         process.kill()
-        shows(watched, "status", "without a word")
+        shows(watched, "status", "ended unexpectedly")
         assert watched.page.is_disabled("#play")
         assert watched.run("Boolean(nodeAt('/robot/left_s0/moves/left_s1'))")
