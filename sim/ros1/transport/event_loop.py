@@ -17,6 +17,9 @@ from sim.errors import RosError
 CLOSING_S = 2.0
 """Time that the thread is given to close all connections."""
 
+REPEAT_S = 10.0
+"""Time before the same error of asyncio is logged again."""
+
 _LOG = logging.getLogger(__name__)
 
 T = TypeVar("T")
@@ -54,18 +57,23 @@ class EventLoop(NotCopied, OneLine):
 
         Args:
             name: of the thread, for the log.
+
+        Raises:
+            RosError: when the system has no file descriptors left.
         """
         self._name = name
         self._counts = Counts()
-        self._lock = threading.Lock()  # of whether the loop is closing
+        self._lock = threading.RLock()  # of whether the loop is closing; signal handlers may call
         self._is_closing = False
         self._tasks: set[asyncio.Task[None]] = set()
-        started = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._main(started)), name=name, daemon=True
-        )
+        self._silent_until_s: dict[str, float] = {}
+        started: concurrent.futures.Future[None] = concurrent.futures.Future()
+        self._thread = threading.Thread(target=self._run, args=(started,), name=name, daemon=True)
         self._thread.start()
-        started.wait()
+        try:
+            started.result()
+        except OSError as cause:
+            raise RosError(f"cannot start the {name}: {cause}") from cause
 
     @property
     def is_current(self) -> bool:
@@ -127,11 +135,32 @@ class EventLoop(NotCopied, OneLine):
         if not self.is_current:
             self._thread.join(CLOSING_S)
 
-    async def _main(self, started: threading.Event) -> None:
+    def _run(self, started: concurrent.futures.Future[None]) -> None:
+        main = self._main(started)
+        try:
+            asyncio.run(main)
+        except OSError as error:
+            main.close()
+            started.set_exception(error)
+
+    async def _main(self, started: concurrent.futures.Future[None]) -> None:
         self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(self._report)
         self._stopping = asyncio.Event()
-        started.set()
+        started.set_result(None)
         await self._stopping.wait()
+
+    def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Count an error of asyncio itself, and log it unless it was logged just before.
+
+        Without file descriptors, asyncio reports a hundred times a second that it cannot accept a
+        connection.
+        """
+        self.count("faults")
+        message = context["message"]
+        if loop.time() >= self._silent_until_s.get(message, 0.0):
+            self._silent_until_s[message] = loop.time() + REPEAT_S
+            loop.default_exception_handler(context)
 
     def _finish(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)

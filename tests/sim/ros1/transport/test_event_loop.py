@@ -123,3 +123,26 @@ def test_results_and_errors_of_a_thread_are_awaited(
 
     monkeypatch.setattr(threading.Thread, "start", fail)
     assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
+
+
+def test_a_loop_that_cannot_start_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> asyncio.AbstractEventLoop:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(asyncio, "new_event_loop", fail)
+    monkeypatch.setattr(asyncio.events, "new_event_loop", fail)
+    with pytest.raises(RosError, match=r"cannot start the test: .*Too many open files"):
+        EventLoop("test")
+
+
+def test_an_error_of_asyncio_is_counted_and_logged_once(
+    loop: EventLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def report() -> None:
+        for _ in range(100):
+            running = asyncio.get_running_loop()
+            running.call_exception_handler({"message": "socket.accept() out of system resource"})
+
+    loop.run(report())
+    assert loop.counts.faults == 100
+    assert len(caplog.messages) == 1
