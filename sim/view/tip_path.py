@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
@@ -65,25 +64,6 @@ class PathPiece:
         )
 
 
-class TipTracker:
-    """Positions of both tips. Not for several threads at once."""
-
-    def __init__(self, robot: Baxter) -> None:
-        self._model = robot.model
-        self._data = robot.model.createData()
-        self._frames = {
-            side: robot.model.getFrameId(arm.tip_frame) for side, arm in robot.arms.items()
-        }
-
-    def points(self, q: FloatArray) -> dict[str, FloatArray]:
-        """The tips' positions in base, shape (3,), m, by side, at a configuration (19,)."""
-        pin.forwardKinematics(self._model, self._data, q)
-        return {
-            side: pin.updateFramePlacement(self._model, self._data, frame).translation.copy()
-            for side, frame in self._frames.items()
-        }
-
-
 def line_rgb(is_holding: bool) -> Rgb:
     """The colour of a line."""
     return HOLDING_RGB if is_holding else EMPTY_RGB
@@ -103,10 +83,9 @@ def recorded_paths(
     """
     frames = frame_samples(recording.times_s)
     times = recording.times_s[frames]
-    tracker = TipTracker(robot)
-    rows = [tracker.points(q) for q in recording.q[frames]]
-    for side in robot.arms:
-        points = np.array([row[side] for row in rows])
+    for side, arm in robot.arms.items():
+        joints = list(robot.indices(arm.joint_names))
+        points = arm.T_base_tips(recording.q[frames][:, joints])[:, :3, 3]
         if np.ptp(points, axis=0).max() > _MIN_MOVED_M:
             starts_s = [-np.inf, *(start_s for start_s, _ in phases[side][1:])]
             is_holding = np.array([phase.is_holding for _, phase in phases[side]] or [False])

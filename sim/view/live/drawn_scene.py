@@ -32,7 +32,7 @@ from sim.view.scenegraph import (
     pose_commands,
     stage_commands,
 )
-from sim.view.tip_path import TipPath, TipTracker
+from sim.view.tip_path import TipPath
 
 JOINT_STEP = 1e-5
 """Motion of a joint that is sent, rad or m: a hundredth of a millimetre at the tip."""
@@ -56,9 +56,8 @@ class DrawnScene:
         self._robot, self._appearance = robot, Appearance.of(robot)
         self._tree = RobotTree(robot.model, self._appearance)
         self._goals = 0
-        self._tracker = TipTracker(robot)
-        self._sides = tuple(robot.arms)
-        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._joints = {s: list(robot.indices(arm.joint_names)) for s, arm in robot.arms.items()}
+        self._tip_paths = {side: TipPath(side) for side in robot.arms}
         self._poses: dict[str, FloatArray] = {}
         self.q = np.full(len(self._tree.paths), np.nan)
         self.bodies: dict[str, Body] = {}
@@ -125,10 +124,10 @@ class DrawnScene:
 
     def forget_run(self) -> list[Command]:
         """Remove the lines that the tips have drawn, and the goals."""
-        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._tip_paths = {side: TipPath(side) for side in self._robot.arms}
         self._goals = 0
         goals = [delete(f"{GOALS_PATH}/{number}") for number in range(MAX_GOALS)]
-        return [*goals, *(delete(f"/path/{side}") for side in self._sides)]
+        return [*goals, *(delete(f"/path/{side}") for side in self._robot.arms)]
 
     def move(
         self, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], holding: Mapping[str, bool]
@@ -141,9 +140,9 @@ class DrawnScene:
             holding: by side, whether the hand holds something, which sets the line's colour.
         """
         commands = [*self._joint_commands(q), *self._moved(T_base_bodies)]
-        for side, point in self._tracker.points(q).items():
-            is_holding = holding.get(side, False)
-            commands += self._tip_paths[side].advance(point, is_holding=is_holding)
+        for side, arm in self._robot.arms.items():
+            point, is_holding = arm.T_base_tip(q[self._joints[side]]).translation, holding.get(side)
+            commands += self._tip_paths[side].advance(point.copy(), is_holding=bool(is_holding))
         return commands
 
     def _joint_commands(self, q: FloatArray) -> Iterator[Command]:

@@ -74,9 +74,6 @@ class LatestMessages:
         self._keeps_deletions = keeps_deletions
         self._messages: dict[tuple[str, str], str | bytes] = {}
 
-    def __len__(self) -> int:
-        return len(self._messages)
-
     def put(self, path: str, topic: str, message: str | bytes) -> bool:
         """Add or replace a message; returns whether it differs from the one before.
 

@@ -19,7 +19,6 @@ from sim.view.tip_path import (
     SEGMENT_M,
     PathPiece,
     TipPath,
-    TipTracker,
     recorded_paths,
 )
 
@@ -58,15 +57,6 @@ def hexed(rgb: tuple[float, float, float]) -> int:
     return red << 16 | green << 8 | blue
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_tips_are_where_the_arms_say(robot: Baxter, side: str) -> None:
-    arm = robot.arm(side)
-    joints = arm.random_configuration(np.random.default_rng(7))
-    q = robot.configuration(arm.joints(joints))
-    point = TipTracker(robot).points(q)[side]
-    assert np.abs(point - arm.T_base_tip(joints).translation).max() < 1e-12
-
-
 def test_a_pick_and_place_is_empty_laden_and_empty(pieces: list[PathPiece]) -> None:
     assert [piece.is_holding for piece in pieces] == [False, True, False]
 
@@ -94,10 +84,11 @@ def test_times_increase(pieces: list[PathPiece]) -> None:
 def test_lines_pass_where_the_tip_was(
     pieces: list[PathPiece], executed: Recording, robot: Baxter
 ) -> None:
-    tracker = TipTracker(robot)
+    arm = robot.arm("left")
+    joints = list(robot.indices(arm.joint_names))
     drawn = np.concatenate([_refined(piece.points_base) for piece in pieces])
     for q in executed.q[::15]:
-        offsets = np.linalg.norm(drawn - tracker.points(q)["left"], axis=1)
+        offsets = np.linalg.norm(drawn - arm.T_base_tip(q[joints]).translation, axis=1)
         assert offsets.min() < 2 * LINE_TOLERANCE_M
 
 
