@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +23,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, Indices
 from planner import Body, Scene
+from planner.clearance import Clearance
 from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
@@ -103,22 +105,9 @@ class Hands:
         self.now[move.limb] = HandState(held, near[0] if near else None, frozenset(supports))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Nearest:
-    """The nearest pair.
-
-    Attributes:
-        distance_m: negative for a penetration, as in `Clearance`.
-        first: link or body; the one that moves, where the other does not.
-        second: link or body.
-        points_base: the nearest points of the first and the second, shape (2, 3), m, at that
-            distance from each other unless they touch.
-    """
-
-    distance_m: float
-    first: str
-    second: str
-    points_base: FloatArray
+Nearest: TypeAlias = tuple[Clearance, FloatArray]
+"""The nearest pair, the one that moves first, and the nearest points of both, shape (2, 3), m, in
+base. Their distance is that of the pair, unless it touches."""
 
 
 class _Surroundings:
@@ -176,7 +165,7 @@ class _Surroundings:
         first, second = self.names_of(pair)
         if second in moving and first not in moving:
             first, second, points = second, first, points[::-1]
-        return Nearest(distance_m, first, second, points)
+        return Clearance(distance_m, first, second), points
 
 
 class ClearanceMeter:
@@ -275,7 +264,7 @@ def recorded_clearance(
     if not samples:
         return None, NO_PAIR
     times = np.array([time_s for time_s, _ in samples]) - recording.times_s[0]
-    every = [nearest for _, nearest in samples]
+    every = [near for _, (near, _) in samples]
     names = list(dict.fromkeys(name for near in every for name in (near.first, near.second)))
     index = {name: number for number, name in enumerate(names)}
     pairs = [(index[near.first], index[near.second]) for near in every]
@@ -284,7 +273,7 @@ def recorded_clearance(
         "distance_m": np.array([near.distance_m for near in every], np.float32),
         "names": names,
         "pairs": np.array(pairs, np.uint16).reshape(-1),
-        "points": np.array([near.points_base for near in every], np.float32).reshape(-1),
+        "points": np.array([points for _, (_, points) in samples], np.float32).reshape(-1),
     }
     return content, ""
 

@@ -189,11 +189,12 @@ class ShownRun:
             self._meter = self._meter or ClearanceMeter(self._shapes, self.bodies)
         except SceneError:
             return NO_BODY
-        near = self._meter.at(snapshot.q, snapshot.T_base_bodies, self._hands.now, self._moving)
-        if near is None:
+        found = self._meter.at(snapshot.q, snapshot.T_base_bodies, self._hands.now, self._moving)
+        if found is None:
             return NO_PAIR
+        near, points = found
         pair = {"distance_m": near.distance_m, "first": near.first, "second": near.second}
-        return {"time": snapshot.time_s, **pair, "points": near.points_base.reshape(-1).tolist()}
+        return {"time": snapshot.time_s, **pair, "points": points.reshape(-1).tolist()}
 
 
 class _ArmState:

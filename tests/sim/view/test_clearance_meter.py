@@ -10,6 +10,7 @@ from trimesh.proximity import closest_point_naive
 from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 from planner import Body, Plan, make_block
+from planner.clearance import Clearance
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.scene.bodies import Box
@@ -17,7 +18,7 @@ from planner.scene.contact import PartContact
 from sim.events import Event, EventKind
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.clearance import TIE_M, ClearanceMeter, Hands, HandState, Nearest
+from sim.view.clearance import TIE_M, ClearanceMeter, Hands, HandState
 from tests.conftest import at
 
 APART_M = 1e-9
@@ -100,7 +101,17 @@ def nearest(
     poses: dict[str, pin.SE3],
     left: HandState = NOTHING_INTENDED,
     moving: tuple[str, ...] = ("left",),
-) -> Nearest:
+) -> Clearance:
+    return nearest_and_points(meter, q, poses, left, moving)[0]
+
+
+def nearest_and_points(
+    meter: ClearanceMeter,
+    q: FloatArray,
+    poses: dict[str, pin.SE3],
+    left: HandState = NOTHING_INTENDED,
+    moving: tuple[str, ...] = ("left",),
+) -> tuple[Clearance, FloatArray]:
     found = meter.at(q, poses, {"left": left, "right": NOTHING_INTENDED}, moving)
     assert found is not None
     return found
@@ -111,10 +122,10 @@ def test_points_are_as_far_apart_as_it_says(
 ) -> None:
     positive = 0
     for q in configurations(robot, 40):
-        near = nearest(meter, q, poses)
+        near, points = nearest_and_points(meter, q, poses)
         if near.distance_m > 0.0:
             positive += 1
-            apart = np.linalg.norm(near.points_base[1] - near.points_base[0])
+            apart = np.linalg.norm(points[1] - points[0])
             assert apart == pytest.approx(near.distance_m, abs=APART_M)
     assert positive > 10
 
@@ -124,10 +135,10 @@ def test_points_are_on_the_links_skin(
 ) -> None:
     body = RobotBody.load()
     for q in configurations(robot, 12):
-        near = nearest(meter, q, poses)
+        near, points = nearest_and_points(meter, q, poses)
         if near.distance_m <= 0.0:
             continue
-        for name, point in zip((near.first, near.second), near.points_base, strict=True):
+        for name, point in zip((near.first, near.second), points, strict=True):
             if name in body.links:
                 seen = surface_of(name, robot, q)
                 _, off, _ = closest_point_naive(seen, point[None])  # type: ignore[no-untyped-call]
