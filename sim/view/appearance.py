@@ -7,7 +7,7 @@ uniform scale, so that nothing is converted between the file and the browser.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from typing import Any
@@ -97,13 +97,11 @@ class Appearance:
     """All visible parts of a robot.
 
     Attributes:
-        meshes: by name; arms and fingers share them.
-        parts: the meshes on the joints.
+        parts: the meshes on the joints; arms and fingers share meshes.
         notice: the licence of the meshes.
         spares: parts of hands that the stock robot lacks, as mounted on its left hand.
     """
 
-    meshes: Mapping[str, LinkMesh]
     parts: tuple[RobotPart, ...]
     notice: str
     spares: tuple[RobotPart, ...] = ()
@@ -121,9 +119,7 @@ class Appearance:
         shown = (_of_own_mesh(part, known, tree) for part in whole.parts)
         parts = [_on(robot.model, drawn, part) for part in shown]
         parts += [_tool(robot.model, joint) for joint in tree.joints if is_tool(joint.child)]
-        there = tuple(part for part in parts if part is not None)
-        meshes = {part.mesh.name: part.mesh for part in there}
-        return Appearance(FrozenMapping(meshes), there, whole.notice)
+        return Appearance(tuple(part for part in parts if part is not None), whole.notice)
 
     @classmethod
     def load(cls) -> Appearance:
@@ -192,28 +188,19 @@ def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None
 
 
 def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:
-    names = [str(name) for kind in ("part", "spare") for name in arrays[f"{kind}_mesh"]]
-    meshes = {name: _mesh(name, arrays) for name in dict.fromkeys(names)}
-    parts, spares = (tuple(_parts(kind, meshes, arrays)) for kind in ("part", "spare"))
-    return Appearance(FrozenMapping(meshes), parts, str(arrays["notice"]), spares)
-
-
-def _parts(
-    kind: str, meshes: Mapping[str, LinkMesh], arrays: Mapping[str, NDArray[Any]]
-) -> Iterator[RobotPart]:
-    columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
-    for name, joint, pose, (r, g, b) in zip(*columns, strict=True):
-        rgb = float(r), float(g), float(b)
-        yield RobotPart(meshes[str(name)], str(joint), pin.XYZQUATToSE3(pose), rgb)
+    meshes: dict[str, LinkMesh] = {}
+    parts: dict[str, list[RobotPart]] = {"part": [], "spare": []}
+    for kind, found in parts.items():
+        columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
+        for mesh, joint, pose, (r, g, b) in zip(*columns, strict=True):
+            name = str(mesh)
+            meshes[name] = meshes.get(name) or _mesh(name, arrays)
+            rgb = float(r), float(g), float(b)
+            found.append(RobotPart(meshes[name], str(joint), pin.XYZQUATToSE3(pose), rgb))
+    return Appearance(tuple(parts["part"]), str(arrays["notice"]), tuple(parts["spare"]))
 
 
 def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> LinkMesh:
     *centre, scale = arrays[f"{name}/centre_scale"]
-    return LinkMesh(
-        name=name,
-        vertices=arrays[f"{name}/vertices"],
-        normals=arrays[f"{name}/normals"],
-        faces=arrays[f"{name}/faces"],
-        centre_m=np.array(centre),
-        scale_m=float(scale),
-    )
+    vertices, normals, faces = (arrays[f"{name}/{x}"] for x in ("vertices", "normals", "faces"))
+    return LinkMesh(name, vertices, normals, faces, np.array(centre), float(scale))

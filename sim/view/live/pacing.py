@@ -25,10 +25,15 @@ _MAX_SLEEP_S = 0.5
 
 
 class Pacing:
-    """Due times of snapshots. The program waits; other threads pause it and change the speed."""
+    """Due times of snapshots. The program waits; other threads pause it and change the speed.
 
-    def __init__(self) -> None:
+    Attributes:
+        keeps_time: whether it waits at all; a program that runs in real time by itself does not.
+    """
+
+    def __init__(self, *, keeps_time: bool = True) -> None:
         """Begin at the speed of real time."""
+        self.keeps_time = keeps_time
         self._changed = threading.Condition()
         self._is_paused = False
         self._speed = 1.0
@@ -70,6 +75,8 @@ class Pacing:
 
     def wait_for(self, simulated_s: float) -> None:
         """Wait until the snapshot of a simulated time is due."""
+        if not self.keeps_time:
+            return
         with self._changed:
             while (seconds := self._until(simulated_s)) > 0.0:
                 self._sleep(min(seconds, _MAX_SLEEP_S))

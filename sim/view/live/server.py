@@ -107,12 +107,12 @@ class LiveServer(NotCopied):
         url: address of the page.
     """
 
-    def __init__(self, port: int | None, pacing: Pacing | None) -> None:
+    def __init__(self, port: int | None, pacing: Pacing) -> None:
         """Start serving.
 
         Args:
             port: where to listen on this machine; None for one that is free.
-            pacing: what pages can pause and slow down, if anything.
+            pacing: what pages can pause and slow down, if it keeps time.
         """
         self._socket = _listening_socket(port)
         self.url = f"http://{ADDRESS}:{self._socket.getsockname()[1]}/"
@@ -184,7 +184,7 @@ class LiveServer(NotCopied):
         """Remove a browser; without any, nobody could end a pause. In the server's thread."""
         with self._changed:
             self._browsers.pop(browser, None)
-        if not self._browsers and self._pacing is not None and self._pacing.is_paused:
+        if not self._browsers and self._pacing.is_paused:
             self._pacing.pause(False)
             self._publish_clock()
 
@@ -195,7 +195,7 @@ class LiveServer(NotCopied):
 
     def on_order(self, message: str | bytes) -> None:
         """Process what a page sent. In the server's thread."""
-        if self._pacing is not None and obey(message, self._pacing):
+        if self._pacing.keeps_time and obey(message, self._pacing):
             self._publish_clock()
 
     def _put(self, commands: Iterable[Command], topics: Mapping[str, object]) -> None:
@@ -211,11 +211,9 @@ class LiveServer(NotCopied):
                 self._loop.add_callback(self._send)
 
     def _publish_clock(self, *, is_running: bool = True) -> None:
-        clock = None
-        if self._pacing is not None:
-            clock = {"paused": self._pacing.is_paused, "speed": self._pacing.speed}
-            clock["running"] = is_running
-        self._put([], {"clock": clock})
+        clock = {"paused": self._pacing.is_paused, "speed": self._pacing.speed}
+        known = {**clock, "running": is_running} if self._pacing.keeps_time else None
+        self._put([], {"clock": known})
 
     def _send(self) -> None:
         self._has_news = False

@@ -77,9 +77,8 @@ class Viewer(NotCopied, Observer):
             ViewerError: when that port is taken or not allowed, Meshcat is missing, or an argument
                 has the wrong type.
         """
-        keeps = expect(keeps_time, bool, "keeps_time", ViewerError)
+        self._pacing = Pacing(keeps_time=expect(keeps_time, bool, "keeps_time", ViewerError))
         self._robot = given_or_stock(robot, ViewerError)
-        self._pacing = Pacing() if keeps else None
         self._scene = DrawnScene(self._robot)
         self._grippers: dict[str, GripperPhase] = {}
         self._run = ShownRun(self._robot, _EMPTY)
@@ -147,8 +146,7 @@ class Viewer(NotCopied, Observer):
         if self._server.is_closed:
             return
         self._begin_run_if_over(event.time_s)
-        if self._pacing is not None:
-            self._pacing.stand_still()
+        self._pacing.stand_still()
         self._run.on_event(event)
         if event.body is not None and event.kind is EventKind.SPAWNED:
             self._server.publish(self._scene.add_body(event.body))
@@ -170,12 +168,14 @@ class Viewer(NotCopied, Observer):
             return
         q = self._checked_q(snapshot.q)
         self._begin_run_if_over(snapshot.time_s)
-        if self._pacing is not None:
-            self._pacing.wait_for(snapshot.time_s)
+        self._pacing.wait_for(snapshot.time_s)
         self._run.on_snapshot(snapshot, self._scene.bodies_except(self._run.bodies))
-        speed = 1.0 if self._pacing is None else self._pacing.speed
-        if self._run.is_frame_due(snapshot.time_s, speed):
-            self._show_frame(q, snapshot)
+        if self._run.is_frame_due(snapshot.time_s, self._pacing.speed):
+            known = self._scene.bodies
+            poses = {name: T for name, T in snapshot.T_base_bodies.items() if name in known}
+            self._grippers |= self._run.phases
+            self._is_simulated = True
+            self._draw(q, poses, **self._run.topics(snapshot))
 
     def show(
         self,
@@ -201,7 +201,11 @@ class Viewer(NotCopied, Observer):
         """
         configuration = finite_array(q, self._scene.q.shape, "q", ViewerError)
         expect(T_base_bodies, Mapping, "T_base_bodies", ViewerError)  # type: ignore[type-abstract]
-        self._store_grippers({} if grippers is None else grippers)
+        for side, phase in ({} if grippers is None else grippers).items():
+            if side not in self._robot.arms:
+                known = ", ".join(self._robot.arms)
+                raise ViewerError(f"no gripper {quoted(side)}; there are: {known}")
+            self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
         self._is_simulated = False
         self._draw(configuration, T_base_bodies, caption=caption, seed=seed)
 
@@ -271,8 +275,7 @@ class Viewer(NotCopied, Observer):
 
     def _begin_run(self, state: State) -> None:
         self._run = ShownRun(self._robot, state)
-        if self._pacing is not None:
-            self._pacing.begin()
+        self._pacing.begin()
 
     def _checked_q(self, q: ArrayLike) -> FloatArray:
         """The configuration, if it is of the robot in the view."""
@@ -289,21 +292,6 @@ class Viewer(NotCopied, Observer):
         commands = self._scene.move(q, T_base_bodies, holding)
         shown = {side: phase.for_page() for side, phase in self._grippers.items()}
         self._server.publish(commands, grippers=shown, **topics)
-
-    def _show_frame(self, q: FloatArray, snapshot: Snapshot) -> None:
-        known = self._scene.bodies
-        poses = {name: T for name, T in snapshot.T_base_bodies.items() if name in known}
-        self._grippers |= self._run.phases
-        self._is_simulated = True
-        self._draw(q, poses, **self._run.topics(snapshot))
-
-    def _store_grippers(self, phases: Mapping[str, GripperPhase]) -> None:
-        for side, phase in phases.items():
-            if side not in self._robot.arms:
-                raise ViewerError(
-                    f"no gripper {quoted(side)}; there are: {', '.join(self._robot.arms)}"
-                )
-            self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
 
 
 def can_open(environ: Mapping[str, str], platform: str) -> bool:

@@ -95,7 +95,7 @@ def test_the_arms_are_red(appearance: Appearance) -> None:
 
 
 def test_normals_are_of_unit_length(appearance: Appearance) -> None:
-    for mesh in appearance.meshes.values():
+    for mesh in {part.mesh.name: part.mesh for part in appearance.parts}.values():
         lengths = np.linalg.norm(mesh.normals.astype(float), axis=1)
         assert np.abs(lengths - 127.0).max() < 1.0, mesh.name
 
@@ -110,7 +110,7 @@ def test_carries_the_licence_of_the_meshes(appearance: Appearance) -> None:
 
 def test_arrays_cannot_be_changed(appearance: Appearance) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        appearance.meshes["E0.0"].vertices[0] = 0
+        appearance.parts[0].mesh.vertices[0] = 0
 
 
 def test_needs_neither_the_original_meshes_nor_what_reads_them() -> None:

@@ -95,7 +95,7 @@ def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
 def test_goals_share_the_robots_triangles(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
-    known = {f"mesh {name}" for name in appearance.meshes}
+    known = {f"mesh {part.mesh.name}" for part in appearance.parts}
     for command in goal_commands(executed, robot, appearance):
         assert command["object"]["geometries"][0]["uuid"] in known
 

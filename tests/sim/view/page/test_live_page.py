@@ -286,7 +286,7 @@ def test_axe_finds_nothing(program: Program, watched: Watched, size: tuple[int, 
 
 
 def test_what_keeps_its_own_time_cannot_be_paused(browser: Browser, robot: Baxter) -> None:
-    pages = LiveServer(None, None)
+    pages = LiveServer(None, Pacing(keeps_time=False))
     with watched_page(browser) as watched:
         watched.page.goto(pages.url)
         pages.publish(DrawnScene(robot).commands(), caption="as it comes")
