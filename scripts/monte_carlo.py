@@ -1,11 +1,11 @@
-"""How often a pick and place succeeds when the block is seen with noise, open and closed loop.
+"""How often a pick and place succeeds with noisy poses of the block, open and closed loop.
 
 `python scripts/monte_carlo.py [--runs N] [--noise-mm MM ...] [--plot FILE] [--scheduler ADDRESS]`
 
-Every run is the demo's first cycle with a seed of its own: a true block on the table, eyes that
-see it displaced, and up to as many retries as allowed. Open loop is the same run without retries:
-its first attempt. A run succeeds when the block really ends within 10 mm of its place. Runs are
-spread over all cores, or over a Dask cluster; the same seeds give the same table.
+Every run is the demo's first cycle with a seed of its own: a block on the table, which is perceived
+off its true place, and up to as many retries as allowed. Open loop is the same run without retries:
+its first attempt. A run succeeds when the block truly ends within `PLACED_WITHIN_M` of its place.
+Runs are spread over all cores, or over a Dask cluster; the same seeds give the same table.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from baxter_kin import Baxter
 from baxter_kin.command_line import (
     command,
     file_to_write,
@@ -36,11 +37,19 @@ from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.files import replace_file
 from baxter_kin.parallel import Engine, EngineError
-from sim import Noise
-from sim.demo.noisy_runs import NoisyResult, NoisyRun, result_of
+from planner import Manipulator
+from sim import ClosedLoop, Noise, NoisyPoses, Simulation, Transfer, TruePoses, World
+from sim.demo.options import DEFAULT_POSES_M
+from sim.demo.scene import BLOCK, centred_below, demo_bodies, overhead
+
+PLACED_WITHIN_M = 0.010
+"""Maximum distance of the block from its place; the pads do not correct errors along them."""
+
+RUNS_OF_A_TASK = 10
+"""Number of runs that share one loaded robot."""
 
 Z_95 = 1.96
-"""Of a normal distribution, for intervals of 95 %."""
+"""Quantile of a normal distribution, for intervals of 95 %."""
 
 
 @command(None, "Success against noise, open and closed loop.")
@@ -76,16 +85,46 @@ class StudyOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class Runs:
+    """Some runs at one noise.
+
+    Attributes:
+        seeds: of the noise, one for each run.
+        noise: of the perceived poses.
+        retries: maximum number of attempts after the first.
+    """
+
+    seeds: tuple[int, ...]
+    noise: Noise
+    retries: int
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The result of one run.
+
+    Attributes:
+        attempts: their number.
+        is_placed: whether the block truly ends at its place.
+        off_m: its true distance from there.
+    """
+
+    attempts: int
+    is_placed: bool
+    off_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Level:
-    """What came of all runs at one noise.
+    """The results at one noise.
 
     Attributes:
         noise_mm: standard deviation of the position, along each axis.
-        runs: how many.
-        open_loop: how many succeed without retries.
-        closed_loop: how many succeed with them.
+        runs: number of runs.
+        open_loop: number of runs that succeed without retries.
+        closed_loop: number of runs that succeed with them.
         attempts: their mean number, with retries.
-        worst_mm: how far from its place the block ends at most, of the successful.
+        worst_mm: maximum distance of the block from its place, of the runs that succeed.
     """
 
     noise_mm: float
@@ -96,12 +135,12 @@ class Level:
     worst_mm: float
 
     @classmethod
-    def of(cls, noise_mm: float, runs: Sequence[NoisyResult]) -> Level:
-        """Counted."""
+    def of(cls, noise_mm: float, runs: Sequence[Result]) -> Level:
+        """Count results."""
         return cls(
             noise_mm,
             len(runs),
-            sum(run.is_open_success for run in runs),
+            sum(run.is_placed and run.attempts == 1 for run in runs),
             sum(run.is_placed for run in runs),
             float(np.mean([run.attempts for run in runs])),
             1e3 * max((run.off_m for run in runs if run.is_placed), default=math.nan),
@@ -129,14 +168,42 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+def results_of(runs: Runs) -> tuple[Result, ...]:
+    """Run the demo's first cycle once for each seed; depends on nothing but its argument."""
+    manipulator = Manipulator.of(Baxter.load(), "left")
+    return tuple(_result(manipulator, runs, seed) for seed in runs.seeds)
+
+
+def _result(manipulator: Manipulator, runs: Runs, seed: int) -> Result:
+    world = World(manipulator.robot)
+    world.move_arm("left", manipulator.arm.start)
+    truth = TruePoses(world)
+    simulation = Simulation(world, [truth])
+    for body in demo_bodies("left"):
+        simulation.spawn(body)
+    block, (pick, place) = world.body(BLOCK), map(overhead, DEFAULT_POSES_M)
+    goal = centred_below(block, place)
+    transfer = Transfer(BLOCK, centred_below(block, pick).inverse() * pick, goal)
+    perceived = NoisyPoses(truth, runs.noise, np.random.default_rng(seed))
+    loop = ClosedLoop(simulation, manipulator, perceived, retries=runs.retries)
+    result = loop.pick_and_place(transfer)
+    off_m = float(np.linalg.norm(world.body(BLOCK).centre_base - block.at(goal).centre_base))
+    return Result(len(result.attempts), result.is_success and off_m <= PLACED_WITHIN_M, off_m)
+
+
 def _levels(options: StudyOptions, engine: Engine) -> list[Level]:
-    """What came of all runs, noise by noise; each in the order of its seeds, whoever ran it."""
+    """The results of all runs, noise by noise; each in the order of its seeds."""
     noises = [Noise(mm / 1e3, math.radians(options.noise_deg)) for mm in options.noise_mm]
     seeds = range(options.seed, options.seed + options.runs)
-    asked = [NoisyRun(seed, noise, options.retries) for noise in noises for seed in seeds]
-    answers = dict(tqdm(engine.run(result_of, asked), total=len(asked), unit="run", disable=None))
+    parts = [tuple(seeds[at : at + RUNS_OF_A_TASK]) for at in range(0, len(seeds), RUNS_OF_A_TASK)]
+    tasks = [Runs(part, noise, options.retries) for noise in noises for part in parts]
+    found: dict[Runs, tuple[Result, ...]] = {}
+    with tqdm(total=len(noises) * len(seeds), unit="run", disable=None) as progress:
+        for task, results in engine.run(results_of, tasks):
+            found[task] = results
+            progress.update(len(results))
     return [
-        Level.of(mm, [answers[NoisyRun(seed, noise, options.retries)] for seed in seeds])
+        Level.of(mm, [each for task in tasks if task.noise == noise for each in found[task]])
         for mm, noise in zip(options.noise_mm, noises, strict=True)
     ]
 
@@ -182,7 +249,7 @@ def _plot(levels: Sequence[Level], path: Path, retries: int) -> None:
         axes.fill_between(noise, *(100 * bounds.T), color=colour, alpha=0.2, linewidth=0)
         axes.plot(noise, 100 * rates, "o-", color=colour, label=label)
     axes.set(
-        xlabel="standard deviation of the seen position, mm along each axis",
+        xlabel="standard deviation of the perceived position, mm along each axis",
         ylabel="picked and placed, %",
         ylim=(0, 103),
         title=f"{levels[0].runs} seeded runs a point; bands: 95 % intervals",

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from sim.outcome import Dwell as Dwell
     from sim.outcome import Outcome as Outcome
     from sim.perception.closed_loop import ClosedLoop as ClosedLoop
-    from sim.perception.noisy_poses import Noise as Noise
-    from sim.perception.noisy_poses import NoisyPoses as NoisyPoses
+    from sim.perception.closed_loop import Transfer as Transfer
+    from sim.perception.pose_source import Noise as Noise
+    from sim.perception.pose_source import NoisyPoses as NoisyPoses
     from sim.perception.pose_source import PoseSource as PoseSource
     from sim.perception.pose_source import TruePoses as TruePoses
-    from sim.perception.transfer import Transfer as Transfer
     from sim.recording.csv_writing import write_csv as write_csv
     from sim.recording.log_recorder import LogRecorder as LogRecorder
     from sim.recording.npz_file import load_recording as load_recording
@@ -63,8 +63,8 @@ __all__, __getattr__ = lazy(
         "EventKind": "sim.events",
         "LogRecorder": "sim.recording.log_recorder",
         "McapRecorder": "sim.recording.ros1_files.mcap_file",
-        "Noise": "sim.perception.noisy_poses",
-        "NoisyPoses": "sim.perception.noisy_poses",
+        "Noise": "sim.perception.pose_source",
+        "NoisyPoses": "sim.perception.pose_source",
         "Observer": "sim.events",
         "Outcome": "sim.outcome",
         "PoseSource": "sim.perception.pose_source",
@@ -76,7 +76,7 @@ __all__, __getattr__ = lazy(
         "Snapshot": "sim.events",
         "TaskResult": "sim.workbench.task_result",
         "TipTarget": "sim.view.live.tip_target",
-        "Transfer": "sim.perception.transfer",
+        "Transfer": "sim.perception.closed_loop",
         "TruePoses": "sim.perception.pose_source",
         "Viewer": "sim.view.live.viewer",
         "Workbench": "sim.workbench.workbench",

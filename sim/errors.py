@@ -1,13 +1,13 @@
-"""What this layer raises; the root is `baxter_kin.errors.BaxterError`.
+"""Exceptions of this layer; the root is `baxter_kin.errors.BaxterError`.
 
 ```
 BaxterError
 └── SimulationError             an order that the world cannot follow
     ├── ViewerError             the live view cannot be served
-    ├── RecordingError          a recording that is none, or cannot be read or written
+    ├── RecordingError          a recording that is invalid, or cannot be read or written
     │                           (also ValueError)
     └── RosError                what goes wrong on a ROS 1 network, or in reaching it
-        ├── RosMessageError     a message, type or name that is none   (also ValueError)
+        ├── RosMessageError     an invalid message, type or name       (also ValueError)
         ├── RosConnectionError  a peer or a master that cannot be reached
         │   └── RosUnreachableError  nobody answers where it should be
         └── ServiceRefused      a service that answered with an error
@@ -38,7 +38,7 @@ class RosError(SimulationError):
 
 
 class RosMessageError(RosError, ValueError):
-    """A message that does not fit its type, a type that is not known, or a name that is none."""
+    """A message that does not fit its type, an unknown type, or an invalid name."""
 
 
 class RosConnectionError(RosError):

@@ -1,4 +1,4 @@
-"""What a simulation tells its observers."""
+"""What observers of a simulation are notified of: events and snapshots, and the texts of events."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from sim.world.falling import Rest
 from sim.world.gripper import GripperState, Push
 
 JOINTS_OF_ROBOT = (15, 17, 19)
-"""Of a full configuration: head, both arms, and the fingers of no hand, one or two."""
+"""Lengths of a full configuration: head, both arms, and the fingers of no hand, one or two."""
 
 
 class EventKind(str, Enum):
-    """What can happen."""
+    """The kinds of events."""
 
     SPAWNED = "spawned"
     DELETED = "deleted"
@@ -51,16 +51,13 @@ class Event:
 
     Attributes:
         time_s: simulated time.
-        kind: what.
-        text: one readable phrase, which nothing reads but people.
-        side: "left" or "right", where it is about an arm or its gripper.
-        move: of a plan, that began, if that is what happened.
-        body: which it is about, where it stands then; read from a file, as the recording has it. A
-            hit is told of by its detail alone.
-        detail: the facts behind the text, where there are some.
-
-    Raises:
-        SimulationError: when a value has the wrong type, or there is no such side.
+        kind: what happened.
+        text: one phrase for people; no code parses it.
+        side: "left" or "right", where it concerns an arm or its gripper.
+        move: the move of a plan that began, if that is what happened.
+        body: the body concerned, where it stands then; read from a file, as the recording has it. A
+            hit has its detail alone.
+        detail: the facts behind the text, if any.
     """
 
     time_s: float = scalar()
@@ -77,7 +74,7 @@ class Event:
 
     @property
     def is_of_appearance(self) -> bool:
-        """Whether its body appeared or disappeared then."""
+        """Whether its body appeared or disappeared."""
         return self.kind in (EventKind.SPAWNED, EventKind.DELETED)
 
     def _facts(self) -> tuple[str, ...]:
@@ -94,9 +91,6 @@ class Snapshot:
         T_base_bodies: pose of every body present.
         grippers: what each gripper reports, by side.
         caption: what is going on, in words.
-
-    Raises:
-        SimulationError: when a value has the wrong type.
     """
 
     time_s: float = scalar()
@@ -119,24 +113,24 @@ class Snapshot:
 
 
 class Observer(OneLine):
-    """Sees what a simulation does; the methods do nothing until overridden."""
+    """Is notified of what a simulation does; the methods do nothing until overridden."""
 
     def on_start(self, state: State) -> None:
-        """A simulation begins, with these bodies in its world; time starts at zero."""
+        """Called when a simulation begins in a state; time starts at zero."""
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """A tick has passed."""
+        """Called at every tick."""
 
     def on_event(self, event: Event) -> None:
-        """Something happened."""
+        """Called when something happens."""
 
 
-FULLY = 99.9
-"""Per cent from which on a gripper is called open, without saying how far."""
+FULLY_OPEN = 99.9
+"""Minimum position of a gripper, per cent, that is called open without a number."""
 
 
 def grasp_text(body: str, grasp: Grasp, percent: float) -> str:
-    """A body was grasped; near an edge, how much of a pad is on it."""
+    """The text of a grasp; near an edge, with the overlap of a pad."""
     width = f"{1e3 * grasp.width_m:.1f} mm between the finger pads"
     text = f"{body} grasped, {width} ({percent:.0f} % open)"
     if not grasp.is_near_edge:
@@ -148,12 +142,12 @@ def grasp_text(body: str, grasp: Grasp, percent: float) -> str:
 
 
 def opening_text(side: str, percent: float) -> str:
-    """The empty hand opened; how far, unless all the way."""
-    return f"{side} gripper open" + ("" if percent >= FULLY else f", {percent:.0f} %")
+    """The text of the opening of an empty hand, with its position unless fully open."""
+    return f"{side} gripper open" + ("" if percent >= FULLY_OPEN else f", {percent:.0f} %")
 
 
 def miss_text(miss: Miss | None, wanted: str | None, gap_m: float, *, is_closed: bool) -> str:
-    """Nothing was grasped, and why."""
+    """The text of a miss and its reason."""
     how = "closed fully" if is_closed else "stopped"
     on = f" on {wanted}" if wanted else ""
     reason = f": {miss}" if miss is not None else ""
@@ -161,27 +155,27 @@ def miss_text(miss: Miss | None, wanted: str | None, gap_m: float, *, is_closed:
 
 
 def push_text(push: Push, side: str) -> str:
-    """A closing finger pushed a body, or what it pushed did."""
+    """The text of a push by a closing finger, or by what that pushes."""
     finger = f"the {push.finger} finger of the {side} hand"
     by = finger if push.by == f"{push.finger} finger" else f"{push.by}, which {finger} pushes"
     return f"{push.body} pushed {1e3 * push.distance_m:.1f} mm by {by}"
 
 
 def contact_text(contact: Contact, side: str) -> str:
-    """Something was run into."""
+    """The text of a collision."""
     what = _what(contact, side)
     if contact.stops:
-        return f"{what} would pass through {_the(contact.other)}; the arm stops before it"
+        return f"{what} would pass through the {contact.other}; the arm stops before it"
     return f"{what} hit {contact.other}, which is left where it is"
 
 
 def stop_text(contact: Contact, side: str) -> str:
-    """Why a move ended early."""
-    return f"{_what(contact, side)} would pass through {_the(contact.other)}"
+    """The reason of a move that ended early."""
+    return f"{_what(contact, side)} would pass through the {contact.other}"
 
 
 def rest_text(body: str, rest: Rest) -> str:
-    """A body came to rest."""
+    """The text of a body that has come to rest."""
     text = f"{body} at rest on {' and '.join(rest.supports)}"
     if rest.tilt_rad > 0.0:
         text += f", tilted by {math.degrees(rest.tilt_rad):.2f} deg as that lies"
@@ -197,7 +191,3 @@ def _what(contact: Contact, side: str) -> str:
         return f"the held {contact.mover}"
     is_hand = "gripper" in contact.mover or "hand" in contact.mover
     return f"the {side} {'hand' if is_hand else 'arm'} ({contact.mover})"
-
-
-def _the(name: str) -> str:
-    return f"the {name}"

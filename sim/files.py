@@ -1,4 +1,4 @@
-"""How recordings reach the disk and come back; whatever fails there is a `RecordingError`."""
+"""Files of recordings; whatever fails in reading or writing them is a `RecordingError`."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class Line(NamedTuple):
 
 
 class Output(NotCopied, OneLine):
-    """A file that is written piece by piece. Once that has failed, it says so every time."""
+    """A file that is written piece by piece; once writing has failed, it raises every time."""
 
     def __init__(self, path: PathLike) -> None:
-        """Open the file, in place of an older one."""
+        """Open the file, replacing an older one."""
         self._path = checked_path(path)
         self._failure: str | None = None
         with self._explained():
@@ -50,7 +50,7 @@ class Output(NotCopied, OneLine):
 
     @contextmanager
     def writing(self) -> Iterator[IO[bytes]]:
-        """The file, to write a piece of it inside a `with`."""
+        """The file, for writing a piece of it inside the block."""
         if self._failure is not None:
             raise RecordingError(self._failure)
         try:
@@ -63,7 +63,7 @@ class Output(NotCopied, OneLine):
             raise
 
     def close(self) -> None:
-        """Close the file; twice is no trouble."""
+        """Close the file; closing it twice is allowed."""
         with self._explained():
             self._stream.close()
 
@@ -75,14 +75,14 @@ class Output(NotCopied, OneLine):
 
 
 class LineFile(NotCopied, OneLine):
-    """A text file while it is being written; every line is handed to the system at once.
+    """A text file that is written line by line, each passed to the operating system at once.
 
-    A process that is killed therefore loses no line, and at most its last one is half written. What
-    a power failure takes is the system's matter.
+    A process that is killed therefore loses no line, and at most its last one is half written. A
+    power failure may lose more.
     """
 
     def __init__(self, path: PathLike) -> None:
-        """Open the file, in place of an older one."""
+        """Open the file, replacing an older one."""
         self._output = Output(path)
 
     def __enter__(self) -> LineFile:
@@ -98,7 +98,7 @@ class LineFile(NotCopied, OneLine):
             stream.flush()
 
     def close(self) -> None:
-        """Close the file; twice is no trouble."""
+        """Close the file; closing it twice is allowed."""
         self._output.close()
 
     def _facts(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ class LineFile(NotCopied, OneLine):
 
 
 def checked_path(path: object) -> Path:
-    """A path."""
+    """The argument as a `Path`."""
     plain = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(plain, str):
         raise RecordingError(f"a path must be text or a Path, got {type(path).__name__}")
@@ -154,7 +154,7 @@ def opened(path: PathLike) -> Iterator[IO[bytes]]:
 
 
 def replace_file(path: PathLike, content: bytes) -> None:
-    """Write a file at once or not at all; an older one is replaced."""
+    """Write a whole file or nothing, replacing an older one."""
     file = checked_path(path)
     with explained(f"cannot write {shown_path(file)}"):
         files.replace_file(file, content)

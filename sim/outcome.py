@@ -1,4 +1,4 @@
-"""What the execution of a plan is given, and what it gives: dwells, and an outcome."""
+"""The pauses in the execution of a plan, and its outcome."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from sim.errors import SimulationError
 from sim.world.contacts import Contact
 
 ROBOT_DWELL_S = 1.0
-"""How long a real arm stands before and after its gripper acts, as in the original demo. At speed
-ratio 0.3 it settles within 0.8 s, and the script that plays files back tells grippers at 20 Hz."""
+"""Pause of a real arm before and after its gripper acts, as in the original demo. At speed ratio
+0.3 it settles within 0.8 s, and the script that plays files back commands grippers at 20 Hz."""
 
 LONGEST_DWELL_S = 60.0
 """Longer ones are mistakes."""
@@ -34,9 +34,9 @@ class Outcome:
 
     Attributes:
         failure: None, or why it stopped early, as one sentence.
-        duration_s: simulated time it took.
+        duration_s: its simulated duration.
         hits: what the arm, its hand or what it held ran into, in order, each at the depth at which
-            it was first seen. Bodies that give way stop no move, so a success may have some.
+            it was first found. Bodies that give way stop no move, so a success may have some.
     """
 
     failure: str | None
@@ -45,15 +45,15 @@ class Outcome:
 
     @property
     def is_success(self) -> bool:
-        """Whether every step was done."""
+        """Whether every step was executed."""
         return self.failure is None
 
     def _facts(self) -> tuple[str, ...]:
         failure = "success" if self.failure is None else f"failed: {self.failure}"
-        return seconds(self.duration_s), failure, self._told_hits()
+        return seconds(self.duration_s), failure, self._phrase_of_hits()
 
-    def _told_hits(self) -> str:
-        """The hits as a phrase, the deepest by name; empty where there are none."""
+    def _phrase_of_hits(self) -> str:
+        """The hits as a phrase, the deepest by name; empty without any."""
         if not self.hits:
             return ""
         worst = max(self.hits, key=lambda hit: hit.depth_m)

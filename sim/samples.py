@@ -1,4 +1,4 @@
-"""Samples: what was sent and measured at each tick, for those who want more than snapshots."""
+"""Samples: what was sent to a robot, and measured, at each tick of an execution."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ class Sample(OneLine):
     """One tick of an execution.
 
     Attributes:
-        time_s: since the executor began.
-        limb: which arm.
-        q_path: where the plan has it, shape (7,), rad.
+        time_s: time since the executor began.
+        limb: the arm.
+        q_path: configuration on the plan's path, shape (7,), rad.
         q_sent: the set-point, shape (7,), rad.
-        q_measured: what was measured last, shape (7,), rad.
+        q_measured: the last measurement, shape (7,), rad.
         v_measured: likewise, shape (7,), rad/s.
-        age_s: of that measurement.
+        age_s: age of that measurement.
         lateness_s: of the tick.
-        is_enabled: as the robot said last.
+        is_enabled: as the robot reported last.
         is_stopped: likewise.
         has_error: likewise.
     """
@@ -43,7 +43,7 @@ class Sample(OneLine):
 
     @property
     def deviation_rad(self) -> float:
-        """How far the joint is off its path that is farthest."""
+        """Maximum deviation of a joint from its path."""
         return float(np.abs(self.q_measured - self.q_path).max())
 
     def _facts(self) -> tuple[str, ...]:
@@ -51,7 +51,7 @@ class Sample(OneLine):
 
 
 class SampleObserver(Observer):
-    """Sees every tick of an execution too."""
+    """Is notified of every tick of an execution, too."""
 
     def on_sample(self, sample: Sample) -> None:
-        """A set-point was sent."""
+        """Called when a set-point was sent."""

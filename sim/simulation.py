@@ -1,20 +1,19 @@
-"""Simulation: steps plans through a world and tells observers.
+"""Simulation: executes plans in a world, step by step, and notifies observers.
 
-Time is exact: moves and finger travels take what they take, and snapshots are given at whole
-ticks, so nothing is rounded to the tick and the same plans give the same snapshots every time.
-There are no blind waits: after a grasp the next step begins as soon as the pads are on the body,
-plus the dwell that was asked for.
+Time is exact: moves and finger travels take what they take, and snapshots are taken at whole ticks,
+so nothing is rounded to the tick and the same plans give the same snapshots every time. There are
+no blind waits: after a grasp the next step begins as soon as the pads are on the body, plus the
+dwell that was requested.
 
-Moves and opening fingers are looked at for contacts (`sim.world.contacts`), whatever a plan says of
-itself, unless a certificate of this very plan is at hand (`planner.verify`) and the world is as the
-plan has it: as its `state` says before the first step, and changed since then only by grasps
-that went as planned. A release may let a body fall a little, so certificates count until then.
+Moves and opening fingers are checked for contacts (`sim.world.contacts`), whatever a plan states of
+itself. A step is not checked where a certificate of this very plan is given (`planner.verify`) and
+the world is as the step states it.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -22,17 +21,17 @@ from baxter_kin.display import OneLine, seconds
 from baxter_kin.validation import expect, finite_scalar
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot.robot_body import identity_of
+from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.plan import Step
 from sim.errors import SimulationError
-from sim.events import EventKind, Observer, contact_text, stop_text
-from sim.grip_steps import GripSteps
+from sim.events import EventKind, Observer, stop_text
 from sim.outcome import Dwell, Outcome
 from sim.timeline import DEFAULT_TICK_S, Timeline
-from sim.world.contacts import ContactWatch, is_as_planned
+from sim.world.contacts import Contact, ContactWatch, is_as_stated
 from sim.world.gripper import Gripper
 from sim.world.world import World
 
-LONGEST_WAIT_S = 86_400.0
+MAX_WAIT_S = 86_400.0
 
 START_TOLERANCE_RAD = 1e-6
 """How far an arm may stand from where a plan starts."""
@@ -44,8 +43,8 @@ class Simulation(OneLine):
     """A world in time.
 
     Attributes:
-        world: what is moved.
-        grippers: left and right gripper by side; a side without fingers has none.
+        world: robot and bodies.
+        grippers: the grippers by side; a side without fingers has none.
     """
 
     def __init__(
@@ -57,27 +56,27 @@ class Simulation(OneLine):
         dwell: Dwell | None = None,
         check_contacts: bool = True,
     ) -> None:
-        """At time zero.
+        """Start at time zero.
 
         Args:
-            world: what is moved.
-            observers: who is told, in this order; first of the bodies that are there.
-            tick_s: time between snapshots, at least `SHORTEST_TICK_S`.
+            world: robot and bodies.
+            observers: notified in this order, first of the initial state.
+            tick_s: time between snapshots, at least `MIN_TICK_S`.
             dwell: pauses after gripper actions.
-            check_contacts: whether moves without a certificate are looked at; without, the arm
-                passes through everything.
+            check_contacts: whether steps without a certificate are checked for contacts; without,
+                the arm passes through everything.
 
         Raises:
-            SimulationError: when `tick_s` is not such a number, or another argument is of another
-                class.
+            SimulationError: when `tick_s` is not such a number, or another argument has the wrong
+                type.
         """
         self.world = expect(world, World, "world", SimulationError)
         self.grippers = {side: Gripper(world, side) for side in world.hands}
         self._timeline = Timeline(world, self.grippers, observers, tick_s)
-        looks = expect(check_contacts, bool, "check_contacts", SimulationError)
-        self._watch = ContactWatch(world, looks=looks)
-        pauses = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
-        self._grips = GripSteps(world, self.grippers, self._timeline, self._watch, pauses)
+        self._watch = ContactWatch(world)
+        self._checks_contacts = expect(check_contacts, bool, "check_contacts", SimulationError)
+        self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
+        self._hits: list[Contact] = []  # of this execution
         self._timeline.begin()
 
     @property
@@ -86,8 +85,8 @@ class Simulation(OneLine):
         return self._timeline.time_s
 
     def enable(self) -> None:
-        """Switch the robot on, as the original does before it moves."""
-        self._timeline.tell(EventKind.ENABLED, "robot enabled")
+        """Enable the robot, as the original does before it moves."""
+        self._timeline.notify(EventKind.ENABLED, "robot enabled")
 
     def spawn(self, body: Body) -> None:
         """Add a body; a movable one falls on what is below it.
@@ -99,23 +98,15 @@ class Simulation(OneLine):
         self._timeline.spawn(body)
 
     def delete(self, name: str) -> None:
-        """Remove a body.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Remove a body."""
         self._timeline.delete(name)
 
     def wait(self, duration_s: float) -> None:
-        """Let time pass.
-
-        Raises:
-            SimulationError: when the duration is negative or no number.
-        """
+        """Let time pass."""
         if finite_scalar(duration_s, "duration_s", SimulationError) < 0.0:
             raise SimulationError(f"time only goes forward; cannot wait {duration_s} s")
-        if duration_s > LONGEST_WAIT_S:
-            raise SimulationError(f"wait at most {LONGEST_WAIT_S:g} s at once, got {duration_s:g}")
+        if duration_s > MAX_WAIT_S:
+            raise SimulationError(f"wait at most {MAX_WAIT_S:g} s at once, got {duration_s:g}")
         self._timeline.pass_s(duration_s)
 
     def execute(
@@ -126,17 +117,17 @@ class Simulation(OneLine):
         certificate: Certificate | None = None,
         unverified: bool = False,
     ) -> Outcome:
-        """Do every step of a plan, or stop at the first that fails.
+        """Execute every step of a plan, or stop at the first that fails.
 
         A plan without a certificate, or with one that is not valid or of another plan, is executed
-        after a warning in the log; its moves are looked at for contacts then.
+        after a warning in the log, and its steps are checked for contacts.
 
         Args:
             plan: a valid plan that starts where the arm stands.
             title: put before each caption.
-            certificate: what `verify` made of this very plan; while the world is as the plan has
-                it, moves are then not looked at for contacts.
-            unverified: whether the certificate is missing on purpose, so that nothing is warned of.
+            certificate: the result of `verify` for this very plan; a step is not checked for
+                contacts while the world is as the step states it.
+            unverified: whether the certificate is missing on purpose, so that nothing is logged.
 
         Raises:
             SimulationError: when the plan is invalid, is for another robot or starts elsewhere;
@@ -148,17 +139,16 @@ class Simulation(OneLine):
             expect(certificate, Certificate, "certificate", SimulationError)
         if not expect(unverified, bool, "unverified", SimulationError):
             _warn_without_certificate(plan, certificate)
-        started, hits_before = self.time_s, len(self._timeline.hits)
-        failure = None
         is_certified = certificate is not None and certificate.is_valid and certificate.is_of(plan)
-        self._watch.is_trusted = is_certified and is_as_planned(self.world, plan)
+        started_s, failure = self.time_s, None
+        self._hits = []
         for step in plan:
             self._timeline.caption = f"{title}{step.label}"
-            failure = self._do(plan.limb, step)
+            is_proven = is_certified and is_as_stated(self.world, step)
+            failure = self._do(plan.limb, step, checks=self._checks_contacts and not is_proven)
             if failure is not None:
                 break
-        hits = tuple(self._timeline.hits[hits_before:])
-        return Outcome(failure, self.time_s - started, hits=hits)
+        return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
 
     def finish(self) -> None:
         """Show the world as it is now, unless that was done; a run ends between two ticks."""
@@ -187,21 +177,26 @@ class Simulation(OneLine):
         if any(isinstance(step, Grip) for step in plan):
             self.world.hand(plan.limb)
 
-    def _do(self, limb: str, step: Step) -> str | None:
-        """One step; returns why it failed, or None."""
-        if isinstance(step, Move):
-            return self._move(limb, step)
-        if step.action is GripperAction.CLOSE:
-            return self._grips.close(limb, step)
-        return self._grips.open(limb, step)
+    def _do(self, limb: str, step: Step, *, checks: bool) -> str | None:
+        """Execute one step; returns why it failed, or None.
 
-    def _move(self, limb: str, move: Move) -> str | None:
-        self._timeline.tell(EventKind.MOVE_STARTED, self._timeline.caption, limb, move=move)
-        begin_s, end_s = self.time_s, move.trajectory.duration
-        for contact in self._watch.along(limb, move.trajectory):
-            end_s = contact.free_s if contact.stops else contact.time_s
-            self._follow(limb, move, begin_s, end_s)
-            self._timeline.tell(EventKind.HIT, contact_text(contact, limb), limb, detail=contact)
+        Args:
+            limb: the arm.
+            step: a move or a gripper action.
+            checks: whether to check it for contacts.
+        """
+        if isinstance(step, Move):
+            return self._move(limb, step, checks)
+        if step.action is GripperAction.CLOSE:
+            return self._close(limb, step)
+        return self._open(limb, step, checks)
+
+    def _move(self, limb: str, move: Move, checks: bool) -> str | None:
+        timeline, begin_s = self._timeline, self.time_s
+        timeline.notify(EventKind.MOVE_STARTED, timeline.caption, limb, move=move)
+        for contact in self._watch.along(limb, move.trajectory) if checks else ():
+            self._follow(limb, move, begin_s, contact.free_s if contact.stops else contact.time_s)
+            self._hit(limb, contact)
             if contact.stops:
                 return f"{move.label}: {stop_text(contact, limb)}"
         self._follow(limb, move, begin_s, move.trajectory.duration)
@@ -214,6 +209,79 @@ class Simulation(OneLine):
         times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
         path = iter(move.trajectory.sample(times).q)
         self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
+
+    def _close(self, limb: str, grip: Grip) -> str | None:
+        """Close the fingers on what is between the pads, which push it on their way."""
+        gripper, timeline = self.grippers[limb], self._timeline
+        closing = gripper.closing(grip.body)
+        self._slide(
+            limb,
+            closing.finger_m,
+            lambda _: gripper.close_to(closing, self.world.finger_m(limb)),
+        )
+        gripper.finish(closing)
+        timeline.pushed(limb, closing)
+        if closing.grasp is None:
+            return f"{grip.label}: {timeline.missed(limb, closing, grip.body)}"
+        timeline.grasped(limb, closing)
+        timeline.pass_s(self._dwell.after_grasp_s)
+        if grip.body is not None and closing.body != grip.body:
+            return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
+        return None
+
+    def _open(self, limb: str, grip: Grip, checks: bool) -> str | None:
+        """Open the fingers, while what they release falls to its rest."""
+        timeline, world = self._timeline, self.world
+        name = self.grippers[limb].release()
+        finger_m, failure = self._opening(limb, grip, checks)
+        if name is None:
+            self._slide(limb, finger_m)
+            timeline.opened(limb)
+        else:
+            timeline.released(limb, name)
+            rest = world.rest(name)
+            self._slide(
+                limb, finger_m, lambda t: world.carry(name, rest.pose(t)), least_s=rest.duration_s
+            )
+            world.put_to_rest(name, rest)
+            timeline.settled(name, rest)
+        timeline.pass_s(self._dwell.after_release_s)
+        return failure
+
+    def _opening(self, limb: str, grip: Grip, checks: bool) -> tuple[float, str | None]:
+        """How far the fingers open, and why no farther."""
+        begin_m = self.world.finger_m(limb)
+        end_m = self.grippers[limb].open_m if grip.opening_m is None else grip.opening_m
+        for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S) if checks else ():
+            self._hit(limb, contact)
+            if contact.stops:
+                way_m = contact.free_s * FINGER_SPEED_M_S
+                stop_m = begin_m + way_m if end_m > begin_m else begin_m - way_m
+                return stop_m, f"{grip.label}: {stop_text(contact, limb)}"
+        return end_m, None
+
+    def _slide(
+        self,
+        limb: str,
+        finger_m: float,
+        meanwhile: Callable[[float], None] = lambda _: None,
+        *,
+        least_s: float = 0.0,
+    ) -> None:
+        """Move the fingers to a position at their speed; wait until `least_s` have passed."""
+        begin_m = self.world.finger_m(limb)
+        travel_s = abs(finger_m - begin_m) / FINGER_SPEED_M_S
+
+        def update(time_s: float) -> None:
+            share = 1.0 if time_s >= travel_s else time_s / travel_s
+            self.world.set_fingers(limb, begin_m + share * (finger_m - begin_m))
+            meanwhile(time_s)
+
+        self._timeline.pass_s(max(travel_s, least_s), update)
+
+    def _hit(self, limb: str, contact: Contact) -> None:
+        self._hits.append(contact)
+        self._timeline.hit(limb, contact)
 
 
 def _warn_without_certificate(plan: Plan, certificate: Certificate | None) -> None:

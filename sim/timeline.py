@@ -12,16 +12,32 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect_all, positive_scalar
 from planner import Body, Move
 from sim.errors import SimulationError
-from sim.events import Detail, Event, EventKind, Observer, Snapshot
+from sim.events import (
+    Detail,
+    Event,
+    EventKind,
+    Observer,
+    Snapshot,
+    contact_text,
+    grasp_text,
+    miss_text,
+    opening_text,
+    push_text,
+    rest_text,
+)
 from sim.world.contacts import Contact
-from sim.world.gripper import NO_GRIPPER, GripperState
+from sim.world.falling import Rest
+from sim.world.gripper import NO_GRIPPER, Closing, GripperState
 from sim.world.world import World
 
 DEFAULT_TICK_S = 0.01
 """100 Hz, the rate of the original's commands and of its recorder."""
 
-SHORTEST_TICK_S = 1e-6
+MIN_TICK_S = 1e-6
 """Shorter ticks only fill memory."""
+
+MOVED_M = 1e-6
+"""A body pushed or fallen by less was not; contacts are found to 1e-8 m."""
 
 
 class Clock:
@@ -32,12 +48,9 @@ class Clock:
     """
 
     def __init__(self, tick_s: float) -> None:
-        """At time zero."""
         self._tick_s = positive_scalar(tick_s, "tick_s", SimulationError)
-        if self._tick_s < SHORTEST_TICK_S:
-            raise SimulationError(
-                f"tick_s must be at least {SHORTEST_TICK_S:g} s, got {self._tick_s:g}"
-            )
+        if self._tick_s < MIN_TICK_S:
+            raise SimulationError(f"tick_s must be at least {MIN_TICK_S:g} s, got {self._tick_s:g}")
         self.time_s = 0.0
         self._next_tick = 0
 
@@ -74,8 +87,8 @@ class Clock:
         return range(self._next_tick, math.floor(end_s / self._tick_s) + 1)
 
 
-class _ReportsState(Protocol):
-    """What is shown of a gripper, simulated or real."""
+class ReportsState(Protocol):
+    """A gripper, simulated or real."""
 
     @property
     def state(self) -> GripperState:
@@ -83,31 +96,28 @@ class _ReportsState(Protocol):
 
 
 class Timeline(Clock):
-    """Time, and those who are told of it.
+    """The time of a world, and the observers that are informed of it.
 
     Attributes:
         caption: what is going on, in words.
-        hits: every contact that was told of as a hit, in order.
     """
 
     def __init__(
         self,
         world: World,
-        grippers: Mapping[str, _ReportsState],
+        grippers: Mapping[str, ReportsState],
         observers: Iterable[Observer],
         tick_s: float,
     ) -> None:
-        """At time zero."""
         super().__init__(tick_s)
         self._world, self._grippers = world, grippers
         self._observers = expect_all(observers, Observer, "the observers", SimulationError)
-        self._told = {body.name: body for body in world.scene}
+        self._announced = {body.name: body for body in world.scene}
         self._shown_s: float | None = None
         self.caption = ""
-        self.hits: list[Contact] = []
 
     def begin(self) -> None:
-        """Tell all observers how the world is before anything happens."""
+        """Notify all observers of the initial state."""
         state = self._world.state
         for observer in self._observers:
             observer.on_start(state)
@@ -122,13 +132,13 @@ class Timeline(Clock):
         self.advance(duration_s, update, self.show)
 
     def show(self) -> None:
-        """Show the world to all observers, after telling which bodies others put there or took."""
+        """Pass a snapshot to all observers, after the events of bodies that others put or took."""
         self._shown_s = self.time_s
         if not self._observers:
             return
         poses = self._world.body_poses()
-        if poses.keys() != self._told.keys():
-            self._tell_of_others(poses.keys())
+        if poses.keys() != self._announced.keys():
+            self._announce(poses.keys())
         snapshot = Snapshot(
             time_s=self.time_s,
             q=self._world.q,
@@ -140,7 +150,7 @@ class Timeline(Clock):
         for observer in self._observers:
             observer.on_snapshot(snapshot)
 
-    def tell(
+    def notify(
         self,
         kind: EventKind,
         text: str,
@@ -150,35 +160,87 @@ class Timeline(Clock):
         body: Body | None = None,
         detail: Detail | None = None,
     ) -> None:
-        """Tell all observers what happened; arguments as of `Event`."""
+        """Notify all observers of an event; arguments as of `Event`."""
         event = Event(self.time_s, kind, text, side, move, body, detail)
-        if kind is EventKind.HIT and isinstance(detail, Contact):
-            self.hits.append(detail)
         if body is not None and kind is EventKind.SPAWNED:
-            self._told[body.name] = body
+            self._announced[body.name] = body
         elif body is not None and kind is EventKind.DELETED:
-            self._told.pop(body.name, None)
+            self._announced.pop(body.name, None)
         for observer in self._observers:
             observer.on_event(event)
 
     def spawn(self, body: Body) -> None:
-        """Add a body to the world, and tell; a movable one falls on what is below it."""
+        """Add a body to the world, and report it; a movable one falls on what is below it."""
         self._world.spawn(body)
         on = " and ".join(self._world.supports.get(body.name, ()))
         on = f", at rest on {on}" if on else ""
         settled = self._world.body(body.name)
-        self.tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
+        self.notify(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
 
     def delete(self, name: str) -> None:
-        """Remove a body from the world, and tell."""
+        """Remove a body from the world, and report it."""
         body = self._world.body(name)
         self._world.delete(name)
-        self.tell(EventKind.DELETED, f"{name} deleted", body=body)
+        self.notify(EventKind.DELETED, f"{name} deleted", body=body)
 
-    def _tell_of_others(self, present: Collection[str]) -> None:
-        """Bodies that were put into the world, or taken out of it, without the simulation."""
-        for name in [name for name in self._told if name not in present]:
-            self.tell(EventKind.DELETED, f"{name} taken out of the world", body=self._told[name])
-        for name in [name for name in present if name not in self._told]:
+    def hit(self, side: str, contact: Contact) -> None:
+        """Report a collision."""
+        self.notify(EventKind.HIT, contact_text(contact, side), side, detail=contact)
+
+    def pushed(self, side: str, closing: Closing) -> None:
+        """Report the bodies that closing fingers pushed; those that are not held settle."""
+        for push in closing.pushes:
+            if push.is_riding:
+                continue
+            if push.distance_m > MOVED_M:
+                body = self._world.body(push.body)
+                self.notify(EventKind.PUSHED, push_text(push, side), side, body=body, detail=push)
+            if push.body != closing.body:
+                rest = self._world.settle(push.body)
+                if rest.fall_m > MOVED_M:
+                    self.settled(push.body, rest)
+
+    def grasped(self, side: str, closing: Closing) -> None:
+        """Report a grasp; a closing that found nothing is not reported."""
+        if closing.body is not None and closing.grasp is not None:
+            percent = self._grippers[side].state.percent
+            text = grasp_text(closing.body, closing.grasp, percent)
+            body = self._world.body(closing.body)
+            self.notify(EventKind.GRASPED, text, side, body=body, detail=closing.grasp)
+
+    def missed(self, side: str, closing: Closing, wanted: str | None = None) -> str:
+        """Report a closing that found nothing to hold, and return the text of the report.
+
+        Args:
+            side: of the hand.
+            closing: how it ended.
+            wanted: name of the body that it was about.
+        """
+        gap_m = self._world.hand(side).gap_m(self._world.finger_m(side))
+        text = miss_text(closing.miss, wanted, gap_m, is_closed=closing.finger_m == 0.0)
+        body = None if wanted is None else self._world.scene.bodies.get(wanted)
+        self.notify(EventKind.MISSED, text, side, body=body, detail=closing.miss)
+        return text
+
+    def opened(self, side: str) -> None:
+        """Report that an empty hand has opened."""
+        self.notify(EventKind.OPENED, opening_text(side, self._grippers[side].state.percent), side)
+
+    def released(self, side: str, name: str) -> None:
+        """Report that a hand begins to release a body."""
+        body = self._world.body(name)
+        self.notify(EventKind.RELEASED, f"{name} released", side, body=body)
+
+    def settled(self, name: str, rest: Rest) -> None:
+        """Report that a body has come to rest."""
+        body = self._world.body(name)
+        self.notify(EventKind.SETTLED, rest_text(name, rest), body=body, detail=rest)
+
+    def _announce(self, present: Collection[str]) -> None:
+        """Report bodies that were put into the world, or taken out, without the simulation."""
+        for name in [name for name in self._announced if name not in present]:
+            body = self._announced[name]
+            self.notify(EventKind.DELETED, f"{name} taken out of the world", body=body)
+        for name in [name for name in present if name not in self._announced]:
             body = self._world.body(name)
-            self.tell(EventKind.SPAWNED, f"{name} put into the world", body=body)
+            self.notify(EventKind.SPAWNED, f"{name} put into the world", body=body)

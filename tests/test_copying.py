@@ -41,7 +41,6 @@ from planner import (
     verify,
 )
 from sim import CsvRecorder, LogRecorder, McapRecorder, Recorder, Simulation, World
-from sim.perception import LoggedPoses
 from sim.ros1.execution.preflight import Finding
 from sim.ros1.execution.ready_plan import Readiness
 from sim.view.live.viewer import Viewer
@@ -152,13 +151,12 @@ def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...
     """What looks where the block is, and what comes of it."""
     eyes = sim.TruePoses(simulation.world)
     loop = sim.ClosedLoop(simulation, manipulator, eyes)
-    seen = eyes.look("block", simulation.time_s)
+    seen = eyes.observe("block", simulation.time_s)
     result = sim.perception.LoopResult(
         (sim.perception.Attempt(None, None, "nothing was seen"),), "nothing was seen"
     )
-    looked = sim.perception.ReplayedPoses([sim.perception.Look(0.0, "block", 0.0, FAR)], SCENE)
     noisy = sim.NoisyPoses(eyes, sim.Noise(), np.random.default_rng(0))
-    return loop, seen, result, sim.perception.Look(0.0, "block"), looked, noisy
+    return loop, seen, result, noisy
 
 
 def closed_grippers() -> dict[str, sim.world.GripperState]:
@@ -233,7 +231,7 @@ def test_every_public_class_was_copied_or_refuses(everything: dict[str, object])
         for cls in (getattr(package, name) for name in package.__all__)
         if isinstance(cls, type) and not issubclass(cls, (BaseException, Enum))
     }
-    refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile", "LoggedPoses"}
+    refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile"}
     refusing |= {"BagRecorder", "TipTarget", "Viewer"}
     abstract = {"Observer", "PoseSource"}
     missing = public.keys() - copied - refusing - abstract
@@ -250,14 +248,12 @@ def classes_in(pickled: bytes) -> Iterator[str]:
 def test_what_holds_a_file_or_a_socket_says_that_it_cannot_be_copied(
     robot: Baxter, tmp_path: Path
 ) -> None:
-    poses = sim.TruePoses(World(robot))
     holders = (
         CsvRecorder(tmp_path / "a.csv", robot),
         LogRecorder(tmp_path / "a.log", robot),
         McapRecorder(tmp_path / "a.mcap", robot),
         sim.BagRecorder(tmp_path / "a.bag", robot),
         sim.recording.PlanCsvFile(tmp_path / "b.csv"),
-        LoggedPoses(poses, tmp_path / "a.jsonl"),
         Viewer(robot),
     )
     for holder in holders:

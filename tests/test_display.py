@@ -53,7 +53,6 @@ WRITERS = (
     "LogRecorder",
     "McapRecorder",
     "PlanCsvFile",
-    "LoggedPoses",
 )
 
 
@@ -223,7 +222,6 @@ def test_odd_names_and_numbers_are_shown_too(
         sim.world.Contact(1e300, name, name, False, length, True, 0.0),
         sim.Outcome(name * 3, 1e300),
         sim.perception.LoopResult((), name),
-        sim.perception.Look(1e300, name),
         sim.Noise(1e300, 1e-300, 0.1234567890123, 1e9),
     )
     for each in odd:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -15,13 +16,14 @@ from hypothesis import strategies as st
 
 from baxter_kin.command_line import parse
 from baxter_kin.parallel import Serial
+from sim import Noise
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "monte_carlo.py"
 
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    """The script as a module that its processes find again."""
+    """The script as a module."""
     spec = importlib.util.spec_from_file_location("monte_carlo", SCRIPT)
     assert spec is not None
     assert spec.loader is not None
@@ -31,12 +33,15 @@ def script() -> Any:
     return module
 
 
-def test_it_counts_prints_and_draws(
-    script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def printed(*words: str) -> str:
+    """The output of the script as a program, whose workers find its functions in `__main__`."""
+    return subprocess.check_output([sys.executable, str(SCRIPT), *words], text=True)
+
+
+def test_it_counts_prints_and_draws(tmp_path: Path) -> None:
     numbers, picture = tmp_path / "rates.json", tmp_path / "rates.png"
     outputs = ["--json", str(numbers), "--plot", str(picture), "--jobs", "1"]
-    assert script.main(["--runs", "4", "--noise-mm", "0", "4", *outputs]) == 0
+    said = printed("--runs", "4", "--noise-mm", "0", "4", *outputs)
     exact, noisy = json.loads(numbers.read_text())
     assert (exact["runs"], exact["open_loop"], exact["closed_loop"]) == (4, 4, 4)
     assert exact["attempts"] == 1.0
@@ -44,20 +49,24 @@ def test_it_counts_prints_and_draws(
     assert noisy["open_loop"] <= noisy["closed_loop"] <= 4
     assert noisy["attempts"] > 1.0
     assert picture.stat().st_size > 10_000
-    said = capsys.readouterr().out
     assert "0 mm      4  100.0 %" in said
     assert "8 runs in" in said
     assert " on 1 worker" in said
 
 
-def test_the_same_seeds_give_the_same_counts_on_any_engine(
-    script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_depends_on_its_seed_alone(script: Any) -> None:
+    noise = Noise(0.0005)  # no miss; what it is off along the pads remains
+    first, other, again = script.results_of(script.Runs((3, 5, 3), noise, 1))
+    assert first == again
+    assert (first.is_placed, other.is_placed) == (True, True)
+    assert first.off_m != other.off_m
+
+
+def test_the_same_seeds_give_the_same_counts_on_any_engine(script: Any, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="Dask needs Python 3.11")
     numbers = tmp_path / "rates.json"
     words = ["--runs", "1", "--noise-mm", "4", "0", "--local-cluster", "1"]
-    assert script.main([*words, "--json", str(numbers)]) == 0
-    assert " on 1 worker" in capsys.readouterr().out
+    assert " on 1 worker" in printed(*words, "--json", str(numbers))
     alone = script._levels(parse(script.StudyOptions, words), Serial())
     for there, level in zip(json.loads(numbers.read_text()), alone, strict=True):
         here = asdict(level)  # IPOPT's last bits depend on what a process has planned before

@@ -48,7 +48,7 @@ for number, attempt in enumerate(result.attempts, start=1):
 # %%
 # Fifty looks of such a camera, seen from above, and what the open hand forgives.
 
-looks = [eyes.look("red", simulation.time_s) for _ in range(50)]
+looks = [eyes.observe("red", simulation.time_s) for _ in range(50)]
 seen = np.array([look.body.centre_base for look in looks if look is not None])
 off_mm = 1e3 * (seen - world.body("red").centre_base)
 figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")

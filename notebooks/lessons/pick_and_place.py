@@ -20,7 +20,7 @@ from planner import (
     make_block,
     plan_pick_and_place,
 )
-from sim.perception.noisy_poses import Noise
+from sim.perception.pose_source import Noise
 
 DOWN, UPRIGHT = (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 """Orientations, x, y, z, w."""

@@ -11,7 +11,7 @@ place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
 from typing import TypeAlias
 
@@ -185,9 +185,21 @@ class Touches:
     """
 
     def __init__(
-        self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: FloatArray | None = None
+        self,
+        checker: ClearanceChecker,
+        margin_m: float = 0.0,
+        nearest_m: FloatArray | None = None,
+        left_out: Iterable[int] = (),
     ) -> None:
-        self._made_of = checker, margin_m, nearest_m
+        """Build the geometry.
+
+        Args:
+            checker: of the arm that moves.
+            margin_m: distance that every pair keeps.
+            nearest_m: the smallest distance of every pair that remains allowed, shape (pairs,), m.
+            left_out: numbers of pairs that are ignored.
+        """
+        self._made_of = checker, margin_m, nearest_m, tuple(left_out)
         self._model, self._geometry = checker.robot, checker.for_contacts.copy()
         self._data, self._results = self._model.createData(), self._geometry.createData()
         margins_m = np.full(len(checker.pairs), margin_m)
@@ -200,6 +212,8 @@ class Touches:
         margins_m += checker.checked.thickness_m
         for request, margin in zip(self._results.collisionRequests, margins_m, strict=True):
             request.security_margin = float(margin)
+        for pair in self._made_of[-1]:
+            self._results.deactivateCollisionPair(pair)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             self._model, self._geometry, self._results
         )
@@ -211,6 +225,14 @@ class Touches:
         """Whether they touch at a valid full configuration, shape (19,)."""
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)
+
+    def pairs(self, q_full: FloatArray) -> list[int]:
+        """Numbers of all pairs that touch at a valid full configuration, shape (19,)."""
+        results = self._results.collisionResults
+        for result in results:
+            result.clear()  # only pairs whose boxes meet are computed again
+        pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, False)
+        return [pair for pair, result in enumerate(results) if result.isCollision()]
 
 
 def _with_depth(checker: ClearanceChecker) -> NDArray[np.bool_]:

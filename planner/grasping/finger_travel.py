@@ -32,10 +32,10 @@ from planner.scene.contact import PartContact, part_contacts
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
-that no hand of this size reaches; Rethink publishes none for the force-limited default."""
+that no hand of this size reaches; Rethink publishes no speed for the force-limited default."""
 
 MIN_PUSH_M = 1e-9
-"""A smaller push counts as none: both pads touch the body at once."""
+"""Smallest push; below it both pads touch the body at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +94,8 @@ class TravelCheck:
             self._slides_m[list(finger)] = sign * (travel.end_m - travel.begin_m)
         self._slides_m[pushed] = travel.pushed_m
         slides = np.zeros(len(pairs.link_shapes), np.intp)
-        for number, finger in enumerate(shapes.of_fingers(arm)):
-            slides[list(finger)] = number + 1
+        for track, finger in enumerate(shapes.of_fingers(arm), start=1):
+            slides[list(finger)] = track
         slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes
         self._levels = np.where(slides > 0, 1, 0)
         self._checked = pairs.build()
@@ -119,8 +119,8 @@ class TravelCheck:
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[hand] = T @ poses[hand]
         shapes = self._checked.pairs[self._nearing]
-        numbers = self._nearing[np.isin(shapes, [*hand, *self._scene]).all(axis=1)]
-        result = self._result(poses, T_base_tip, margin_m, numbers, self._checked.overshoot_m)
+        pairs = self._nearing[np.isin(shapes, [*hand, *self._scene]).all(axis=1)]
+        result = self._result(poses, T_base_tip, margin_m, pairs, self._checked.overshoot_m)
         return result if isinstance(result, ContinuousContact) else None
 
     def _result(
@@ -128,7 +128,7 @@ class TravelCheck:
         poses: FloatArray,
         T_base_tip: pin.SE3,
         margin_m: float,
-        numbers: Indices,
+        pairs: Indices,
         thicker_m: FloatArray | float = 0.0,
     ) -> ContinuousResult:
         travel, T = self._travel, T_base_tip.homogeneous
@@ -141,16 +141,16 @@ class TravelCheck:
             moved[:, :3, 3] += share * self._slides_m[:, None] * T[:3, 1]
             return moved
 
-        seen = np.where(self._levels[:, None, None] > 0, np.linalg.inv(T) @ poses, poses)
+        in_level = np.where(self._levels[:, None, None] > 0, np.linalg.inv(T) @ poses, poses)
         arrangement = Arrangement(
             self._checked,
             Chain.of_poses(T[None]),
             self._levels[None],
-            seen[None],
+            in_level[None],
             slides_m=self._slides_m,
             thicker_m=thicker_m,
         )
-        return arrangement.prove(Motion(np.zeros(1), duration_s, at), margin_m, numbers)
+        return arrangement.prove(Motion(np.zeros(1), duration_s, at), margin_m, pairs)
 
     def _poses(self, q: FloatArray) -> FloatArray:
         """Poses of all shapes at the beginning, seen from base, shape (n, 4, 4)."""

@@ -122,7 +122,11 @@ class Hand:
     @property
     def open_gap_m(self) -> float:
         """Distance between the pads when fully open."""
-        return self.closed_gap_m + 2 * self.stroke_m
+        return self.gap_m(self.stroke_m)
+
+    def gap_m(self, finger_m: float) -> float:
+        """Distance between the pads at a finger position."""
+        return self.closed_gap_m + 2 * finger_m
 
     def finger_joints(self, finger_m: float) -> dict[str, float]:
         """Both finger joints, m, at a finger position; Pinocchio does not couple them.
@@ -173,7 +177,7 @@ class Hand:
         self._check_finger(finger_m)
         expect(body, Body, "body", SceneError)
         T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
-        seen, opening = body.at(T_tip_body), self.closed_gap_m + 2 * finger_m
+        seen, opening = body.at(T_tip_body), self.gap_m(finger_m)
         width = self._width_m(seen, opening)
         if width > opening:
             return miss_by_width(MissKind.TOO_WIDE, body.name, width, opening)
@@ -229,7 +233,7 @@ class Hand:
         return Grasp(
             finger_m=finger_m,
             T_tip_body=moved.T_base_body,
-            width_m=self.closed_gap_m + 2 * finger_m,
+            width_m=self.gap_m(finger_m),
             push_m=push_m,
             pad_m=worst.least_m,
             centre_off_m=centre_off_m(pads, moved),

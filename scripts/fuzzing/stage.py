@@ -476,10 +476,6 @@ class _Lasting:
         return s.perception.Sighting(self.Body, 0.0)
 
     @cached_property
-    def Look(self) -> s.perception.Look:
-        return s.perception.Look(0.0, BODY, 0.0, self.SE3)
-
-    @cached_property
     def Transfer(self) -> s.Transfer:
         goal = self.Body.T_base_body
         return s.Transfer(BODY, goal.inverse() * self.T_grasp, goal)
@@ -522,8 +518,6 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "McapRecorder": lambda stage: s.McapRecorder(stage.file("mcap"), stage["Baxter"]),
     "TruePoses": lambda stage: s.TruePoses(stage["World"]),
     "NoisyPoses": _noisy,
-    "LoggedPoses": lambda stage: s.perception.LoggedPoses(stage["TruePoses"], stage.file("poses")),
-    "ReplayedPoses": lambda stage: s.perception.ReplayedPoses([stage["Look"]], stage["Scene"]),
     "ClosedLoop": _closed_loop,
     "Workbench": lambda stage: s.Workbench(stage["Baxter"]),
     "TipTarget": lambda stage: s.TipTarget(stage["Viewer"], stage["Baxter"], "left"),

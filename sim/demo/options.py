@@ -6,8 +6,9 @@ import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from baxter_kin.command_line import (
     MAX_PORT,
@@ -29,6 +30,9 @@ from sim.recording.record_file import record_option
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
 
+Point: TypeAlias = tuple[float, ...]
+"""A position in base, m."""
+
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
 
@@ -43,19 +47,17 @@ MAX_DISTANCE_M = 10.0
 
 DEFAULT_RETRIES = 3
 DEFAULT_WAIT_S, MAX_WAIT_S = 15.0, 86_400.0
-"""How long the demo waits for a page that watches, and how long it may be asked to."""
+"""Time that the demo waits for a page that watches."""
 
 TASK, LIVE_VIEW, OUTPUT = "task", "live view", "output"
 
+_COORDINATE = number_within(-MAX_DISTANCE_M, MAX_DISTANCE_M, "m")
 
-def _coordinate(text: str) -> float:
-    """A coordinate in base, m."""
-    value = number(text)
-    if abs(value) > MAX_DISTANCE_M:
-        raise argparse.ArgumentTypeError(
-            f"{text} is not within {MAX_DISTANCE_M:g} m of the robot{millimetres_hint(value)}"
-        )
-    return value
+_task, _live, _output = (partial(option, group=group) for group in (TASK, LIVE_VIEW, OUTPUT))
+
+
+def _file(flag: str, text: str) -> Any:
+    return option(flag, type=file_to_write, metavar="FILE", group=OUTPUT, help=text)
 
 
 def _height(text: str) -> float:
@@ -83,105 +85,90 @@ def _height(text: str) -> float:
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
-    """What the user asked for; one field for each option, and what follows from them."""
+    """What the user requested; one field for each option, and what follows from them."""
 
     urdf: Path | None = urdf_option(TASK)
     hands: Mapping[str, HandMount] = hands_option(TASK)
-    limb: str = option(
-        "--limb", choices=("left", "right"), default="left", group=TASK, help="which arm"
-    )
-    added_poses_m: tuple[tuple[float, float, float], ...] = option(
+    limb: str = _task("--limb", choices=("left", "right"), default="left", help="which arm")
+    added_poses_m: tuple[tuple[float, float, float], ...] = _task(
         "--add-pose",
-        type=_coordinate,
+        type=_COORDINATE,
         nargs=3,
         repeats=True,
         metavar=("X", "Y", "Z"),
-        group=TASK,
         help="one more block pose: where the tip grasps, in m (repeatable)",
     )
-    hover_m: float = option(
+    hover_m: float = _task(
         "--hover",
         type=_height,
         default=DEFAULT_HOVER_M,
         metavar="M",
-        group=TASK,
         help=f"height above the place where a cycle ends (default: {DEFAULT_HOVER_M:g} m); the arm "
         "moves sideways above 5 cm, or above this if it is less",
     )
-    obstacles_m: tuple[tuple[float, ...], ...] = option(
+    obstacles_m: tuple[tuple[float, ...], ...] = _task(
         "--obstacle",
-        type=_coordinate,
+        type=_COORDINATE,
         nargs=6,
         repeats=True,
         metavar=("X", "Y", "Z", "DX", "DY", "DZ"),
-        group=TASK,
         help="a box to go around: its centre and its size, in m (repeatable)",
     )
-    margin_m: float = option(
+    margin_m: float = _task(
         "--margin",
         type=number_within(0.0, MAX_DISTANCE_M, "m"),
         default=0.0,
         metavar="M",
-        group=TASK,
         help="distance to keep from everything but what is grasped and what it stands on, in m",
     )
-    line_tolerance_mm_deg: tuple[float, float] = option(
+    line_tolerance_mm_deg: tuple[float, float] = _task(
         "--line-tolerance",
         type=number_within(1e-3, 100.0, "mm or deg"),
         nargs=2,
         default=(0.1, 0.02),
         metavar=("MM", "DEG"),
-        group=TASK,
         help="how far the tip may be off its straight lines, and turned (default: 0.1 0.02)",
     )
-    noise_mm: float = option(
+    noise_mm: float = _task(
         "--noise-mm",
         type=number_within(0.0, 1000.0, "mm"),
         default=0.0,
         metavar="MM",
-        group=TASK,
         help="perceive the block off its place by so much (standard deviation along each axis), "
         "notice misses by the fingers and try again",
     )
-    noise_deg: float = option(
+    noise_deg: float = _task(
         "--noise-deg",
         type=number_within(0.0, 180.0, "deg"),
         default=0.0,
         metavar="DEG",
-        group=TASK,
         help="perceive it turned by so much (standard deviation)",
     )
-    given_retries: int | None = option(
+    given_retries: int | None = _task(
         "--retries",
         type=whole_number(0),
         metavar="N",
-        group=TASK,
         help=f"attempts after a missed one (default with noise: {DEFAULT_RETRIES})",
     )
-    seed: int = option(
-        "--seed", type=whole_number(0), default=0, metavar="N", group=TASK, help="of the noise"
-    )
-    given_cycles: int | None = option(
+    seed: int = _task("--seed", type=whole_number(0), default=0, metavar="N", help="of the noise")
+    given_cycles: int | None = _task(
         "--cycles",
         type=whole_number(1),
         metavar="N",
-        group=TASK,
         help="picks and places (default: one per block pose)",
     )
     is_endless: bool = flag("--forever", group=TASK, help="go on until Ctrl-C")
-    speed_ratio: float = option(
+    speed_ratio: float = _task(
         "--speed",
         type=number_within(0.001, 1.0, ""),
         default=1.0,
         metavar="RATIO",
-        group=TASK,
         help="scale of the joint velocity limits, from 0.001 to 1",
     )
-    limits: str = option(
+    limits: str = _task(
         "--limits",
         choices=LIMITS,
         default=LIMITS[0],
-        group=TASK,
         help="preset of joint accelerations and jerks",
     )
     is_headless: bool = flag("--headless", group=LIVE_VIEW, help="no live view, no real time")
@@ -191,58 +178,42 @@ class DemoOptions:
         help="do not open the live view in a browser, only print its address; this is so over SSH, "
         "without a display, and where CI is set, too",
     )
-    given_wait_s: float | None = option(
+    given_wait_s: float | None = _live(
         "--wait",
         type=number_within(0.0, MAX_WAIT_S, "s"),
         metavar="S",
-        group=LIVE_VIEW,
         help="how long to wait for a page that watches before it starts (default: "
         f"{DEFAULT_WAIT_S:g} s)",
     )
-    port: int | None = option(
+    port: int | None = _live(
         "--port",
         type=whole_number(1, MAX_PORT),
         metavar="N",
-        group=LIVE_VIEW,
         help="where the live view is served (default: 7000, or the next one that is free)",
     )
-    html: Path | None = option(
-        "--html", type=file_to_write, metavar="FILE", group=OUTPUT, help="write a replay page"
-    )
+    html: Path | None = _file("--html", "write a replay page")
     shows_body: bool = flag(
         "--show-body",
         group=OUTPUT,
         help="let that page show the shapes that are planned with, too (2 MB more)",
     )
-    csv: Path | None = option(
-        "--csv",
-        type=file_to_write,
-        metavar="FILE",
-        group=OUTPUT,
-        help="write joints as the RSDK does",
-    )
-    dwell_s: float | None = option(
+    csv: Path | None = _file("--csv", "write joints as the RSDK does")
+    dwell_s: float | None = _output(
         "--dwell",
         type=number_within(0.0, MAX_DWELL_S, "s"),
         nargs="?",
         const=ROBOT_DWELL_S,
         metavar="S",
-        group=OUTPUT,
         help="let that file be for a robot to play back with joint_trajectory_file_playback.py, at "
         "--speed 0.25 or less: grippers as commanded, 0 % to close, and the arm standing so long "
         f"before and after ({ROBOT_DWELL_S:g} s when S is left out); without, it is what the "
         "simulation did",
     )
     record: Path | None = record_option(OUTPUT)
-    report: Path | None = option(
-        "--report", type=file_to_write, metavar="FILE", group=OUTPUT, help="write a JSON report"
-    )
-    plan: Path | None = option(
+    report: Path | None = _file("--report", "write a JSON report")
+    plan: Path | None = _file(
         "--plan",
-        type=file_to_write,
-        metavar="FILE",
-        group=OUTPUT,
-        help="save the plan of the first cycle; python -m planner.verification FILE checks it",
+        "save the plan of the first cycle; python -m planner.verification FILE checks it",
     )
     is_verbose: bool = flag("-v", "--verbose", exclusive="amount", help="print every event")
     is_quiet: bool = flag("-q", "--quiet", exclusive="amount", help="print only errors")
@@ -256,7 +227,7 @@ class DemoOptions:
             )
         if self.dwell_s is not None and self.csv is None:
             raise UsageError("--dwell is for the file of --csv; give both")
-        if self.dwell_s is not None and self.is_closed_loop:
+        if self.dwell_s is not None and self.retries is not None:
             raise UsageError(
                 "--dwell writes what is played back blindly; leave noise and --retries out"
             )
@@ -286,7 +257,7 @@ class DemoOptions:
 
     @property
     def line_tolerance(self) -> tuple[float, float]:
-        """How far the tip may be off its straight lines, m and rad."""
+        """Maximum distance of the tip from its straight lines, m, and its turn, rad."""
         off_mm, off_deg = self.line_tolerance_mm_deg
         return off_mm / 1e3, math.radians(off_deg)
 
@@ -302,25 +273,15 @@ class DemoOptions:
 
     @property
     def retries(self) -> int | None:
-        """How many attempts follow a missed one; noise asks for some by itself.
+        """Number of attempts after a missed one; noise has some by default.
 
-        None executes one attempt by the scene as it is.
+        None executes one attempt, with the true poses.
         """
         if self.given_retries is None and (self.noise_mm > 0.0 or self.noise_deg > 0.0):
             return DEFAULT_RETRIES
         return self.given_retries
 
     @property
-    def is_closed_loop(self) -> bool:
-        """Whether the block is perceived before every pick, and picked again when missed."""
-        return self.retries is not None
-
-    @property
     def wait_s(self) -> float:
-        """How long to wait for a page that watches."""
+        """Maximum time to wait for a page that watches."""
         return DEFAULT_WAIT_S if self.given_wait_s is None else self.given_wait_s
-
-    @property
-    def verbosity(self) -> int:
-        """0 quiet, 1 normal, 2 with every event."""
-        return 2 if self.is_verbose else 0 if self.is_quiet else 1

@@ -1,150 +1,209 @@
-"""The demo's report: all plans and their outcomes, as JSON."""
+"""The demo's report: its numbers, printed while it runs and written as JSON.
+
+Each number is computed once and has one name, that of the JSON file; `COLUMNS` and `SUMMARY` are
+the phrases in which numbers are printed.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
+from string import Formatter
 from typing import Any, TypeAlias
 
 from baxter_kin.files import replace_file
 from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
-from sim import Event, Observer, Outcome
-from sim.demo.options import DemoOptions
+from sim import Event, EventKind, Observer, Outcome
+from sim.demo.options import DemoOptions, Point
 
 MAX_CYCLES, MAX_EVENTS = 100, 1000
 """A report keeps the last ones; a run with --forever soon has more."""
 
 Json: TypeAlias = dict[str, Any]
-Point: TypeAlias = tuple[float, ...]
+
+LEGEND = """\
+A row is a move of the arm. IK seed: the joint angles from which inverse kinematics found the
+pose; optimised by: how far a joint then went on, to the solution of the same pose that makes
+the motion fastest. Residual: how far the answer is off the pose. See docs/concepts/ik.md"""
+
+COLUMNS = (
+    ("stage", 17, "{label}"),
+    ("IK seed", 44, "{seed_label}"),
+    ("residual", 20, "{position_error_m:.0e} m, {orientation_error_rad:.0e} rad"),
+    ("time", 0, "{duration_s:.3f} s"),
+)
+"""Of a row for a move: heading, width, and what it says."""
+
+SUMMARY = (
+    ("block: from {block_start_m} to {block_final_m} m in base",),
+    (
+        "time: planning {planning_time_s:.2f} s, arm motion {motion_time_s:.2f} s, wall clock "
+        "{wall_time_s:.2f} s",
+        "; one pick and place {cycle_time_s:.2f} s, gripper included",
+    ),
+    (
+        "from grasp to release: {transfer_ratio:.2f} times as long as the fastest direct joint "
+        "motion, which heeds\n  neither lines nor obstacles (see docs/concepts/motion_program.md)",
+    ),
+    (
+        "clearance: {min_clearance_mm:.1f} mm where the arm came nearest to what it is not meant "
+        "to touch",
+    ),
+)
+"""Lines at the end of a run; a phrase is left out where one of its numbers is not known."""
+
+CYCLE = "cycle {cycle}: pick at {pick_m}, place at {place_m} m in base"
+
+_NOTABLE = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
 
 
-@dataclass(slots=True)
-class Totals:
-    """Sums over the whole run.
+class Report(Observer):
+    """Collects the numbers of a run, and prints them.
 
     Attributes:
-        cycles_done: cycles that succeeded.
-        motion_time_s: durations of the arm's moves, those to the start pose left out.
-        simulated_s: simulated time of all successful cycles, gripper included.
-        transfer_s: time of their moves from grasp to release.
-        transfer_bound_s: least time that these take.
+        options: what the user requested.
+        failure: why the run ended early; None once all is done.
         planning_time_s: wall time spent planning.
         wall_time_s: wall time of the run.
-        min_clearance_m: smallest clearance of all plans, None before the first.
         block_start_m: centre of the block in base once it had settled.
         block_final_m: the same at the end.
     """
 
-    cycles_done: int = 0
-    motion_time_s: float = 0.0
-    simulated_s: float = 0.0
-    transfer_s: float = 0.0
-    transfer_bound_s: float = 0.0
-    planning_time_s: float = 0.0
-    wall_time_s: float = 0.0
-    min_clearance_m: float | None = None
-    block_start_m: Point | None = None
-    block_final_m: Point | None = None
+    def __init__(self, options: DemoOptions) -> None:
+        self.options = options
+        self.failure: str | None = "it did not finish"
+        self.planning_time_s = self.wall_time_s = 0.0
+        self.block_start_m: Point | None = None
+        self.block_final_m: Point | None = None
+        self._cycles: deque[Json] = deque(maxlen=MAX_CYCLES)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._cycles_done = 0
+        self._min_clearance_m: float | None = None
+        self._motion_s = self._simulated_s = self._transfer_s = self._bound_s = 0.0
+        self._is_explained = False
 
-    @property
-    def cycle_time_s(self) -> float:
-        """Mean simulated time of one pick and place, gripper included; 0 before the first."""
-        return self.simulated_s / self.cycles_done if self.cycles_done else 0.0
-
-    @property
-    def transfer_ratio(self) -> float | None:
-        """Time from grasp to release over its bound; None before the first."""
-        return _ratio(self.transfer_s, self.transfer_bound_s)
-
-    def add(self, plan: Plan, outcome: Outcome, bound_s: float) -> None:
-        """Add an executed cycle, and the least time from its grasp to its release."""
-        self.motion_time_s += plan.motion_time_s
-        if plan.clearance is not None:
-            least = plan.clearance.distance_m
-            known = self.min_clearance_m
-            self.min_clearance_m = least if known is None else min(known, least)
-        if outcome.is_success:
-            self.cycles_done += 1
-            self.simulated_s += outcome.duration_s
-            self.transfer_s += _transfer_s(plan)
-            self.transfer_bound_s += bound_s
-
-
-@dataclass(slots=True)
-class Report(Observer):
-    """An observer that collects the report while the demo runs.
-
-    Attributes:
-        options: what was asked for.
-        totals: sums over the run.
-        failure: why the run ended early, None once all is done.
-    """
-
-    options: DemoOptions
-    totals: Totals = field(default_factory=Totals)
-    failure: str | None = "it did not finish"
-    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=MAX_CYCLES))
-    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=MAX_EVENTS))
+    def say(self, text: str) -> None:
+        """Print one line, unless quiet."""
+        if not self.options.is_quiet:
+            print(text, flush=True)
 
     def on_event(self, event: Event) -> None:
-        """Store an event."""
+        """Print a row for a move, and other events when verbose, or when a block is concerned."""
         self._events.append(event)
+        if event.move is not None:
+            self.say(row_of(event.move))
+        elif event.kind in _NOTABLE or self.options.is_verbose:
+            self.say(f"  {event.text}")
 
-    def add_cycle(
-        self, number: int, poses_m: tuple[Point, Point], plan: Plan, bound_s: float
-    ) -> Json:
-        """Add a planned cycle; returns its entry, which is completed after its execution.
+    def start_cycle(self, cycle: int, pick_m: Point, place_m: Point) -> None:
+        """Print the heading of a cycle and of its rows."""
+        if not self._is_explained:
+            self._is_explained = True
+            self.say(LEGEND)
+        self.say(CYCLE.format(cycle=cycle, pick_m=_point(pick_m), place_m=_point(place_m)))
+        self.say(_aligned([heading for heading, _, _ in COLUMNS]))
+
+    def add_plan(
+        self, cycle: int, pick_m: Point, place_m: Point, plan: Plan, bound_s: float
+    ) -> None:
+        """Add a planned cycle, or another attempt at it.
 
         Args:
-            number: counted from 1.
-            poses_m: pick and place in base.
+            cycle: its number, from 1.
+            pick_m: where the tip picks, in base.
+            place_m: where it places.
             plan: what was planned, or why not.
             bound_s: least time from grasp to release, infinite where the poses are unreachable.
         """
-        entry: Json = {
-            "cycle": number,
-            "pick_m": poses_m[0],
-            "place_m": poses_m[1],
-            "picks": _grips(plan, GripperAction.CLOSE),
-            "places": _grips(plan, GripperAction.OPEN),
-            "waypoints": _waypoints(plan),
-            "moves": [_move(move) for move in plan.moves],
-            **_transfer(plan, bound_s),
-            "planned": plan.is_valid,
-            "success": False,
-            "failure": None if plan.failure is None else str(plan.failure),
+        time_s = transfer_s(plan)
+        self._cycles.append(
+            {
+                "cycle": cycle,
+                "pick_m": pick_m,
+                "place_m": place_m,
+                "picks": _grips(plan, GripperAction.CLOSE),
+                "places": _grips(plan, GripperAction.OPEN),
+                "waypoints": _waypoints(plan),
+                "moves": [_move(move) for move in plan.moves],
+                "transfer_time_s": time_s,
+                "transfer_bound_s": bound_s if math.isfinite(bound_s) else None,
+                "transfer_ratio": None if time_s is None else _ratio(time_s, bound_s),
+                "planned": plan.is_valid,
+                "success": False,
+                "failure": None if plan.failure is None else str(plan.failure),
+            }
+        )
+
+    def end_cycle(self, plan: Plan, outcome: Outcome, block_m: Point | None) -> None:
+        """Complete the cycle that was added last.
+
+        Args:
+            plan: its last plan.
+            outcome: of its execution.
+            block_m: centre of the block in base.
+        """
+        entry = self._cycles[-1]
+        entry |= {"success": outcome.is_success, "failure": outcome.failure}
+        entry |= {"duration_s": outcome.duration_s, "block_m": block_m}
+        self._motion_s += plan.motion_time_s
+        if plan.clearance is not None:
+            least_m, known_m = plan.clearance.distance_m, self._min_clearance_m
+            self._min_clearance_m = least_m if known_m is None else min(least_m, known_m)
+        if outcome.is_success:
+            self._cycles_done += 1
+            self._simulated_s += outcome.duration_s
+            if entry["transfer_bound_s"] is not None:
+                self._transfer_s += entry["transfer_time_s"]
+                self._bound_s += entry["transfer_bound_s"]
+
+    def finish(self) -> None:
+        """Print the summary."""
+        least_m = self._min_clearance_m
+        numbers = {
+            **self._totals(),
+            "block_start_m": self.block_start_m and _point(self.block_start_m),
+            "block_final_m": self.block_final_m and _point(self.block_final_m),
+            "min_clearance_mm": None if least_m is None else 1e3 * least_m,
+            "transfer_ratio": _ratio(self._transfer_s, self._bound_s),
         }
-        self._cycles.append(entry)
-        return entry
+        if not self._cycles_done:
+            numbers["cycle_time_s"] = None
+        for phrases in SUMMARY:
+            line = "".join(_filled(phrase, numbers) for phrase in phrases)
+            if line:
+                self.say(line)
 
     def as_json(self) -> Json:
         """JSON-serialisable representation."""
-        totals = self.totals
+        options = self.options
+        position_m, rotation_rad = options.line_tolerance
         return {
-            "limb": self.options.limb,
-            "hover_distance_m": self.options.hover_m,
-            "speed_ratio": self.options.speed_ratio,
-            "limits": self.options.limits,
-            "margin_m": self.options.margin_m,
-            "line_tolerance": dict(
-                zip(("position_m", "rotation_rad"), self.options.line_tolerance, strict=True)
-            ),
-            "noise": _noise(self.options),
-            "obstacles_m": [list(obstacle) for obstacle in self.options.obstacles_m],
-            "block_poses": [list(pose) for pose in self.options.poses_m],
+            "limb": options.limb,
+            "hover_distance_m": options.hover_m,
+            "speed_ratio": options.speed_ratio,
+            "limits": options.limits,
+            "margin_m": options.margin_m,
+            "line_tolerance": {"position_m": position_m, "rotation_rad": rotation_rad},
+            "noise": _noise(options),
+            "obstacles_m": [list(obstacle) for obstacle in options.obstacles_m],
+            "block_poses": [list(pose) for pose in options.poses_m],
             "cycles": list(self._cycles),
-            "cycles_done": totals.cycles_done,
-            "block": {"start_m": totals.block_start_m, "final_m": totals.block_final_m},
-            "min_clearance_m": totals.min_clearance_m,
-            "motion_time_s": totals.motion_time_s,
-            "cycle_time_s": totals.cycle_time_s,
-            "planning_time_s": totals.planning_time_s,
-            "wall_time_s": totals.wall_time_s,
-            "events": [_event(event) for event in self._events],
+            "block": {"start_m": self.block_start_m, "final_m": self.block_final_m},
+            **self._totals(),
+            "events": [
+                {
+                    "time_s": event.time_s,
+                    "kind": event.kind.value,
+                    "text": event.text,
+                    "side": event.side,
+                    "body": None if event.body is None else event.body.name,
+                }
+                for event in self._events
+            ],
             "success": self.failure is None,
             "failure": self.failure,
         }
@@ -154,17 +213,38 @@ class Report(Observer):
         text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
         replace_file(path, text.encode())
 
+    def _totals(self) -> Json:
+        """Sums and means over the whole run."""
+        done = self._cycles_done
+        return {
+            "cycles_done": done,
+            "min_clearance_m": self._min_clearance_m,
+            "motion_time_s": self._motion_s,
+            "cycle_time_s": self._simulated_s / done if done else 0.0,
+            "planning_time_s": self.planning_time_s,
+            "wall_time_s": self.wall_time_s,
+        }
 
-def _noise(options: DemoOptions) -> Json | None:
-    """Noise of the perceived poses; None when the demo plans with the true ones."""
-    if not options.is_closed_loop:
+
+def row_of(move: Move) -> str:
+    """The row of a move, as `COLUMNS` says."""
+    numbers = {**_move(move), "seed_label": move.seed_label}
+    if move.ik is not None:
+        numbers = {**_waypoint(move.label, move.ik, move.moved_rad), **numbers}
+    return _aligned([_filled(text, numbers) for _, _, text in COLUMNS])
+
+
+def transfer_s(plan: Plan) -> float | None:
+    """Duration of the moves with closed fingers; None for a plan that failed."""
+    if not plan.is_valid:
         return None
-    return {
-        "position_m": options.noise_m,
-        "yaw_rad": options.noise_rad,
-        "retries": options.retries,
-        "seed": options.seed,
-    }
+    moved_s, is_closed = 0.0, False
+    for step in plan:
+        if not isinstance(step, Move):
+            is_closed = step.action is GripperAction.CLOSE
+        elif is_closed:
+            moved_s += step.trajectory.duration
+    return moved_s
 
 
 def _grips(plan: Plan, action: GripperAction) -> list[Json]:
@@ -178,10 +258,10 @@ def _grips(plan: Plan, action: GripperAction) -> list[Json]:
 
 def _waypoints(plan: Plan) -> list[Json]:
     """The IK result of every waypoint, that of a failed one last."""
-    answers = [(move.label, move.ik, move.moved_rad) for move in plan.moves if move.ik is not None]
+    results = [(move.label, move.ik, move.moved_rad) for move in plan.moves if move.ik is not None]
     if plan.failure is not None and plan.failure.ik is not None:
-        answers.append((plan.failure.stage, plan.failure.ik, 0.0))
-    return [_waypoint(*answer) for answer in answers]
+        results.append((plan.failure.stage, plan.failure.ik, 0.0))
+    return [_waypoint(*result) for result in results]
 
 
 def _waypoint(label: str, ik: IKResult, moved_rad: float) -> Json:
@@ -211,25 +291,16 @@ def _move(move: Move) -> Json:
     }
 
 
-def _transfer(plan: Plan, bound_s: float) -> Json:
-    """Time from grasp to release, its lower bound, and their quotient."""
-    time_s = _transfer_s(plan) if plan.is_valid else None
+def _noise(options: DemoOptions) -> Json | None:
+    """Noise of the perceived poses; None when the demo plans with the true ones."""
+    if options.retries is None:
+        return None
     return {
-        "transfer_time_s": time_s,
-        "transfer_bound_s": bound_s if math.isfinite(bound_s) else None,
-        "transfer_ratio": None if time_s is None else _ratio(time_s, bound_s),
+        "position_m": options.noise_m,
+        "yaw_rad": options.noise_rad,
+        "retries": options.retries,
+        "seed": options.seed,
     }
-
-
-def _transfer_s(plan: Plan) -> float:
-    """Duration of the moves with closed fingers."""
-    moved_s, is_closed = 0.0, False
-    for step in plan:
-        if not isinstance(step, Move):
-            is_closed = step.action is GripperAction.CLOSE
-        elif is_closed:
-            moved_s += step.trajectory.duration
-    return moved_s
 
 
 def _ratio(time_s: float, bound_s: float) -> float | None:
@@ -237,11 +308,18 @@ def _ratio(time_s: float, bound_s: float) -> float | None:
     return time_s / bound_s if bound_s > 0.0 else None
 
 
-def _event(event: Event) -> Json:
-    return {
-        "time_s": event.time_s,
-        "kind": event.kind.value,
-        "text": event.text,
-        "side": event.side,
-        "body": None if event.body is None else event.body.name,
-    }
+def _filled(phrase: str, numbers: Mapping[str, Any]) -> str:
+    """A phrase with its numbers; empty where one is not known."""
+    names = [name for _, name, _, _ in Formatter().parse(phrase) if name]
+    is_known = all(numbers.get(name) is not None for name in names)
+    return phrase.format_map(numbers) if is_known else ""
+
+
+def _aligned(texts: list[str]) -> str:
+    columns = (text.ljust(width) for text, (_, width, _) in zip(texts, COLUMNS, strict=True))
+    return f"  {' '.join(columns)}"
+
+
+def _point(point_m: Point) -> str:
+    """Coordinates as text; zero has no sign."""
+    return f"({', '.join(f'{round(value, 4) + 0.0:.4f}' for value in point_m)})"

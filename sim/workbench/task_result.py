@@ -1,4 +1,4 @@
-"""Task result: what came of one task on the workbench."""
+"""The result of one task on the workbench."""
 
 from __future__ import annotations
 
@@ -12,22 +12,18 @@ from sim.errors import SimulationError
 
 @frozen(error=SimulationError, eq=True)
 class TaskResult:
-    """What came of one task; as text, one line that says it.
+    """The result of one task, readable as a sentence.
 
     Attributes:
-        task: what was to be done, such as "carry red".
-        block: which block it was about; empty for an arm alone.
+        task: the task, such as "carry red".
+        block: name of its block; empty for an arm alone.
         arm: "left" or "right"; empty when no arm could.
-        motion_s: how long the arm moved, as planned.
-        planning_s: how long planning took, by the clock.
-        off_m: how far from its place the block ended, metres; None when it was not carried.
+        motion_s: planned duration of the arm's moves.
+        planning_s: wall time of planning.
+        off_m: distance of the block from its goal at the end, m; None when it was not carried.
         verdict: how it ended: what was verified, or why it was refused or failed.
-        is_done: whether everything is as it was asked for.
-        plan: of those that were made, the one that was executed, or the best of those refused;
-            None when there was no need of one.
-
-    Raises:
-        SimulationError: when a value has the wrong type.
+        is_done: whether everything is as requested.
+        plan: the plan that was executed, or the best of those refused; None without any.
     """
 
     task: str
@@ -42,10 +38,10 @@ class TaskResult:
 
     @classmethod
     def refused(
-        cls, block: str, why: str, planning_s: float = 0.0, plan: Plan | None = None
+        cls, block: str, reason: str, planning_s: float = 0.0, plan: Plan | None = None
     ) -> TaskResult:
-        """That a block is not carried, and why."""
-        task, verdict = f"carry {block}", f"refused: {why}"
+        """The result for a block that is not carried."""
+        task, verdict = f"carry {block}", f"refused: {reason}"
         return cls(task, block, "", 0.0, planning_s, None, verdict, False, plan)
 
     def __str__(self) -> str:
@@ -58,7 +54,7 @@ class TaskResult:
         )
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # noqa: ARG002 - IPython's
-        """The whole sentence where a notebook shows it, be it long."""
+        """The whole sentence where a notebook shows it, however long."""
         printer.text(str(self))
 
     def _facts(self) -> tuple[str, ...]:

@@ -21,9 +21,10 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.display import OneLine, count, listing
+from baxter_kin.display import OneLine, count, listing, quoted
 from baxter_kin.fields import evolve
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.model import given_or_stock
 from baxter_kin.validation import expect, expect_all, positive_scalar
 from planner import (
@@ -49,18 +50,17 @@ from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.simulation import Simulation
 from sim.view.replay import Replay
-from sim.workbench import requests, tabletop
-from sim.workbench.advice import idle_arm_in_way, withdrawal_hint
+from sim.workbench import tabletop
 from sim.workbench.task_result import TaskResult
 from sim.world.world import World
 
 _LOG = logging.getLogger(__name__)
 
 EDGE_M = 0.05
-"""Of a block that does not say its own: what the hands hold best."""
+"""Default edge of a block: what the hands hold best."""
 
 PLACED_WITHIN_M = 0.003
-"""A block farther from its place is misplaced."""
+"""Maximum distance of a placed block from its goal."""
 
 
 class Workbench(OneLine):
@@ -70,30 +70,29 @@ class Workbench(OneLine):
         robot: the robot.
         world: robot, table and blocks as they are now.
         simulation: executes plans in it.
-        recorder: keeps all of it.
-        tasks: what came of each block that was to be carried, and of arms that could not withdraw.
-        motion_s: how long the arms have moved so far.
+        recorder: records all of it.
+        tasks: the results of all blocks to be carried, and of arms that could not withdraw.
+        motion_s: total duration of the arms' moves so far.
     """
 
     def __init__(self, robot: Baxter | None = None, observers: Iterable[Observer] = ()) -> None:
-        """Robot and table, no blocks.
+        """Start with robot and table, without blocks.
 
         Args:
             robot: the robot; `Baxter.load()` when not given.
-            observers: who is told what happens, such as a `Viewer` of the same robot.
+            observers: are notified of what happens, such as a `Viewer` of the same robot.
 
         Raises:
             SimulationError: when an argument has the wrong type.
         """
-        known = given_or_stock(robot, SimulationError)
+        self.robot = given_or_stock(robot, SimulationError)
         watching = expect_all(observers, Observer, "the observers", SimulationError)
-        self.robot = known
-        self.world = World(known)
-        self.recorder = Recorder(known)
+        self.world = World(self.robot)
+        self.recorder = Recorder(self.robot)
         self.simulation = Simulation(self.world, [self.recorder, *watching])
         self.tasks: list[TaskResult] = []
         self.motion_s = 0.0
-        self._arms = {side: Manipulator.of(known, side) for side in self.world.hands}
+        self._arms = {side: Manipulator.of(self.robot, side) for side in self.world.hands}
         self.simulation.spawn(tabletop.table())
 
     def add_block(
@@ -227,17 +226,17 @@ class Workbench(OneLine):
     ) -> TaskResult:
         """Bring a block somewhere, grasped from above.
 
-        Where the other arm alone is in the way, and its hand is empty, it withdraws first, as by
+        Where only the other arm is in the way, and its hand is empty, it withdraws first, as by
         `withdraw`; the verdict of the result says so.
 
         Args:
             block: its name.
-            to: where: x and y in base, m, on the table, straight; or its pose seen from base.
+            to: the place: x and y in base, m, on the table, straight; or its pose seen from base.
             onto: instead of `to`, the name of a block whose middle it is to stand on.
             arm: "left" or "right"; when not given, the one that needs the least motion.
 
         Returns:
-            What came of it; that it cannot be done is said there, with the reason.
+            The result; where it cannot be done, with the reason.
 
         Raises:
             SceneError: when there is no such block, it is not one to be carried, or the place is
@@ -246,11 +245,11 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when not one of `to` and `onto` is given, or the arm has no fingers.
         """
-        body = requests.movable(self.world, block)
-        T_base_goal = requests.goal(self.world, body, to, onto)
+        body = self._movable(block)
+        T_base_goal = tabletop.goal(self.world, body, to, onto)
         sides = tuple(self._arms) if arm is None else (self._side(arm),)
-        why = requests.why_not(self.world, body, T_base_goal)
-        refused = TaskResult.refused(body.name, why) if why else None
+        reason = self._hindrance(body, T_base_goal)
+        refused = TaskResult.refused(body.name, reason) if reason else None
         result = refused or self._carried(body, T_base_goal, sides)
         self.tasks.append(result)
         return result
@@ -278,7 +277,7 @@ class Workbench(OneLine):
         return result
 
     def arm(self, side: str) -> Manipulator:
-        """An arm as planning needs it: the other one in the way where it stands now.
+        """An arm for planning, with the other one where it stands now.
 
         Raises:
             UnknownNameError: when there is no such arm.
@@ -287,7 +286,7 @@ class Workbench(OneLine):
         return evolve(self._arms[self._side(side)], q_others=self.world.q)
 
     def plan(self, side: str, block: str, T_base_goal: PoseLike) -> Plan:
-        """How an arm would bring a block to a pose, grasped from above; nothing moves.
+        """Plan how an arm brings a block to a pose, grasped from above; nothing moves.
 
         Raises:
             SceneError: when there is no such block, or it is not one to be carried.
@@ -295,29 +294,32 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when it has no fingers.
         """
-        body = requests.movable(self.world, block)
+        body = self._movable(block)
         return self._planned(self.arm(side), body, checked_pose(T_base_goal))
 
     def execute(self, plan: Plan, title: str = "") -> tuple[str, bool]:
-        """Verify a plan, then execute it; what came of it, and whether all went well.
+        """Verify a plan, then execute it.
 
         Args:
             plan: any plan for this world as it is.
-            title: put before what the view says is going on.
+            title: put before the captions of the view.
+
+        Returns:
+            A verdict, and whether all went well.
 
         Raises:
-            SimulationError: when it has the wrong type, for another robot, or starts elsewhere.
+            SimulationError: when it has the wrong type, is for another robot, or starts elsewhere.
         """
         expect(plan, Plan, "plan", SimulationError)
         certificate = verify(plan, description=self.robot.description)
         if not certificate.is_valid:
-            return f"refused: {certificate.verdict}{withdrawal_hint(plan, self.world)}", False
+            return f"refused: {certificate.verdict}{self._withdrawal_hint(plan)}", False
         outcome = self.simulation.execute(plan, title, certificate=certificate)
         self.motion_s += plan.motion_time_s
         return outcome.failure or f"verified, {len(certificate.checks)} checks", outcome.is_success
 
     def recording(self) -> Recording:
-        """All that happened so far."""
+        """The recording of all that has happened."""
         self.simulation.finish()
         return self.recorder.recording()
 
@@ -342,12 +344,12 @@ class Workbench(OneLine):
         self._add(body)
 
     def _add(self, body: Body) -> None:
-        """Put a body on the table, if it has room there."""
-        tabletop.check_room(body, self.world.scene)
+        """Put a body on the table, if there is space for it."""
+        tabletop.check_space(body, self.world.scene)
         self._spawn(body)
 
     def _spawn(self, body: Body) -> None:
-        """Add a body; one to be carried that is inside something is lifted out, with a warning."""
+        """Add a body; a movable one that is inside something is lifted out, with a warning."""
         scene = self.world.scene
         raised_body = lifted_out(body, scene) if body.is_movable else body
         rise_m = float(raised_body.T_base_body.translation[2] - body.T_base_body.translation[2])
@@ -364,10 +366,8 @@ class Workbench(OneLine):
 
     def _planned(self, arm: Manipulator, body: Body, T_base_goal: pin.SE3) -> Plan:
         others = [other for other in self.world.scene if other.name != body.name]
-        T_goal_pick = (
-            body.T_base_body * T_base_goal.inverse()
-        )  # what stands at the goal, at the pick
-        at_goal = [other.at(T_goal_pick * other.T_base_body) for other in others]
+        T_pick_goal = body.T_base_body * T_base_goal.inverse()  # moves the goal's neighbours there
+        at_goal = [other.at(T_pick_goal * other.T_base_body) for other in others]
         pick = overhead_grasp(arm.hand, body, neighbours=[*others, *at_goal])
         place = T_base_goal * body.T_base_body.inverse() * pick
         task = PickAndPlace(body.name, pick, place)
@@ -382,7 +382,7 @@ class Workbench(OneLine):
             return self._executed(plan, body, T_base_goal, time.perf_counter() - began)
         reasons = []
         for each in plans:
-            reason, idle = f"{each.limb} arm, {each.failure}", idle_arm_in_way(each, self.world)
+            reason, idle = f"{each.limb} arm, {each.failure}", self._idle_arm_in_way(each)
             if idle is not None:
                 alone = self._planned(self._without(idle, each.limb), body, T_base_goal)
                 if alone.is_valid:
@@ -401,8 +401,8 @@ class Workbench(OneLine):
         """Withdraw an idle arm, then carry with the other."""
         withdrawn = self.withdraw(idle)
         if not withdrawn.is_done:
-            why = f"the {idle} arm is in the way and cannot withdraw, {withdrawn.verdict}"
-            return TaskResult.refused(body.name, why, planning_s, withdrawn.plan)
+            reason = f"the {idle} arm is in the way and cannot withdraw, {withdrawn.verdict}"
+            return TaskResult.refused(body.name, reason, planning_s, withdrawn.plan)
         result = self._carried(body, T_base_goal, (side,))
         return evolve(
             result,
@@ -425,10 +425,53 @@ class Workbench(OneLine):
         )
 
     def _without(self, idle: str, side: str) -> Manipulator:
-        """An arm as planning needs it, the other one as it would be after it withdrew."""
+        """An arm for planning, with the other one where it would be after it withdrew."""
         joints, q = self.robot.arm(idle), self.world.q
         q[list(self.robot.indices(joints.joint_names))] = joints.neutral
         return evolve(self._arms[side], q_others=q)
+
+    def _movable(self, name: str) -> Body:
+        """The body of that name, which must be movable."""
+        body = self.world.body(name)
+        if not body.is_movable:
+            known = ", ".join(each.name for each in self.world.scene if each.is_movable)
+            raise SceneError(
+                f"{quoted(name)} is not a block to carry; there are: {known or 'none yet'}"
+            )
+        return body
+
+    def _hindrance(self, body: Body, T_base_goal: pin.SE3) -> str:
+        """Why a body cannot be carried to a goal, as far as no plan is needed to know; or ""."""
+        riders = self.world.riders(body.name)
+        if riders:
+            too = ", too" if len(self.world.supports[riders[0]]) > 1 else ""
+            return f"{riders[0]} stands on {body.name}{too}; carry that away first"
+        beside = tabletop.beside(T_base_goal, self.world.body(tabletop.TABLE))
+        return f"nothing to stand on, {beside}" if beside else ""
+
+    def _idle_arm_in_way(self, plan: Plan) -> str | None:
+        """The side of the other arm where it is in a plan's way and can withdraw, or None.
+
+        It can when its hand has fingers and is empty, and it is not withdrawn already.
+        """
+        (other,) = set(LIMBS) - {plan.limb}
+        arm, shapes = self.robot.arm(other), self.world.shapes
+        links = {shapes.links[index] for index in shapes.of_arm(arm)}
+        if plan.failure is None or links.isdisjoint(plan.failure.colliding):
+            return None
+        is_idle = other in self.world.hands and self.world.holding(other) is None
+        return (
+            other if is_idle and not np.array_equal(self.world.arm_q(other), arm.neutral) else None
+        )
+
+    def _withdrawal_hint(self, plan: Plan) -> str:
+        """The hint of a refusal where the other arm can withdraw, or ""."""
+        other = self._idle_arm_in_way(plan)
+        if other is None:
+            return ""
+        return (
+            f"; the {other} arm is in the way: withdraw({other!r}) brings it back beside the table"
+        )
 
     def _side(self, arm: str) -> str:
         side = self.robot.arm(arm).side

@@ -1,11 +1,11 @@
 """Falling: where a body comes to rest that nothing holds.
 
-A body let go turns its most level face down and falls straight until it touches something. There it
-stays when its centre is above the hull of what it touches, level or, on supports that are off level
-by up to 1 deg, as these lie (`planner.scene.support`). Otherwise it tips off: it goes sideways,
-away from its footing, just so far that it is clear of it, and falls on, until it stands. It does
-not turn over, does not roll or bounce, and what it falls on does not give way. Where something is
-in the way of tipping off, it leans where it is.
+A released body turns its most level face down and falls straight until it touches something. It
+stays there if its centre is above the hull of what it touches: level or, on supports that are
+tilted by up to 1 deg, tilted like these (`planner.scene.support`). Otherwise it tips off: it moves
+sideways, just so far that it is clear of its footing, and falls on until it stands. It does not
+turn over, roll or bounce, and what it falls on does not give way. Where something prevents it from
+tipping off, it leans where it is.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from sim.errors import SimulationError
 GRAVITY_M_S2 = 9.81
 
 SIDESTEP_M = 1e-3
-"""How far a body that tipped off passes its former support."""
+"""Distance of a body that tipped off from its former support."""
 
-MOST_TIPS = 16
-"""How often a body tips off on its way down; then it stays."""
+MAX_TIPS = 16
+"""Maximum number of times that a body tips off on its way down; then it stays."""
 
 
 @frozen(error=SimulationError)
@@ -39,8 +39,8 @@ class Leg:
     """A straight fall.
 
     Attributes:
-        T_base_body: where it begins.
-        drop_m: how far it goes down, not negative.
+        T_base_body: pose at its beginning.
+        drop_m: its height, not negative.
     """
 
     T_base_body: pin.SE3
@@ -48,7 +48,7 @@ class Leg:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes from rest."""
+        """Its duration, from rest."""
         return math.sqrt(2 * self.drop_m / GRAVITY_M_S2)
 
 
@@ -59,11 +59,11 @@ class Rest:
     Attributes:
         T_base_body: its pose there.
         supports: names of the bodies that it stands on, or the floor; the first touched first.
-        fall_m: how far it falls, not negative.
+        fall_m: total height of its falls, not negative.
         legs: its falls one after the other.
-        fell_off: names of what it tipped off from on its way.
-        beside_m: how far its centre is beside its footing; 0 unless it leans.
-        tilt_rad: how far it is turned from level, because its support lies so; 0 when level.
+        fell_off: names of what it tipped off on its way.
+        beside_m: distance of its centre from its footing; 0 unless it leans.
+        tilt_rad: its tilt, which is that of its support; 0 when level.
         slope_rad: slope of what it met first where that is too steep to stand on; else 0.
     """
 
@@ -87,15 +87,11 @@ class Rest:
 
     @property
     def duration_s(self) -> float:
-        """How long the fall takes."""
+        """Duration of the fall."""
         return sum(leg.duration_s for leg in self.legs)
 
     def pose(self, time_s: float) -> pin.SE3:
-        """Where the body is so long after it was let go.
-
-        Raises:
-            SimulationError: when the time is not a finite number.
-        """
+        """Pose of the body at a time after its release."""
         time_s = finite_scalar(time_s, "time_s", SimulationError)
         for leg in self.legs:
             if time_s < leg.duration_s:
@@ -112,16 +108,16 @@ class Rest:
 
 
 def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
-    """Where a body comes to rest among others, let go where it is.
+    """Where a body comes to rest among others when it is released where it is.
 
     Args:
         body: what falls.
-        others: all bodies that stand still.
+        others: all bodies that do not move.
     """
     landing = settle(body, others)
     slope_rad = landing.slope_rad
     legs, fell_off = [Leg(body.T_base_body, landing.drop_m)], list[str]()
-    while (way := landing.overhang) is not None and len(legs) < MOST_TIPS:
+    while (way := landing.overhang) is not None and len(legs) < MAX_TIPS:
         tipped = _beside_its_footing(landing, way)
         if any(_is_inside(tipped, other) for other in others):
             break

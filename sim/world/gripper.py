@@ -9,7 +9,7 @@ the tip and one along +y, while the arm stands still. All their shapes count:
 - A movable body that a finger meets moves with it from then on, along the closing axis only,
   unturned (see `planner.grasping.grasp`), and so does what stands on it, and what it meets in turn.
 - When the other finger meets the body that a finger pushes directly, the fingers stop. The body is
-  held when the hand's own prediction, `Hand.close_on`, says so.
+  held if the hand's own prediction, `Hand.close_on`, says so.
 - When anything immovable is in the way, of a finger or of what one pushes, the fingers stop there.
   So they do when two bodies are between them, or one that a finger is inside already.
 
@@ -19,7 +19,6 @@ hand that is not quite level, is not stopped by it. Opening fingers push nothing
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,15 +27,18 @@ import pinocchio as pin
 from baxter_kin.display import OneLine, millimetres, phrase
 from baxter_kin.fields import array, frozen
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Body, Box, Part
+from planner import Box, Part
 from planner.grasping import Grasp
-from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.grasping.grasp import Miss, MissKind, extent
 from planner.grasping.hand import CLOSING_AXIS
 from planner.scene.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.scene.faces import UP
 from sim.errors import SimulationError
 from sim.world.world import World
+
+AGREEMENT_M = 1e-6
+"""The pads stop on a body where the hand's prediction says, within this; contacts are found to
+1e-8 m, and several add up."""
 
 
 @frozen(error=SimulationError)
@@ -52,9 +54,6 @@ class Push:
         axis_base: unit vector of its motion, shape (3,).
         T_base_begin: where it is before.
         is_riding: whether it is only carried along by what it stands on.
-
-    Raises:
-        SimulationError: when a value has the wrong type.
     """
 
     body: str
@@ -72,11 +71,7 @@ class Push:
         return max(0.0, self.begin_m - self.end_m)
 
     def pose(self, finger_m: float) -> pin.SE3:
-        """Where the body is when the fingers are at a position.
-
-        Raises:
-            SimulationError: when the position is not a finite number.
-        """
+        """The pose of the body when the fingers are at a position."""
         finger_m = finite_scalar(finger_m, "finger position", SimulationError)
         moved_m = max(0.0, self.begin_m - max(finger_m, self.end_m))
         T = self.T_base_begin
@@ -87,223 +82,9 @@ class Push:
         return phrase(self.body), way
 
 
-@dataclass(slots=True, eq=False)
-class Mover:
-    """A finger or a body. `parts` are its shapes seen from the tip, of a finger with it closed."""
-
-    name: str
-    parts: list[Part]
-    is_finger: bool = False
-    is_movable: bool = False
-    sign: int = 0
-    begin_m: float = 0.0
-    finger: str = ""
-    by: str = ""
-    is_riding: bool = False
-
-    @property
-    def title(self) -> str:
-        """What it is called in a sentence."""
-        return f"the {self.name}" if self.is_finger else self.name
-
-    @property
-    def is_pushed_indirectly(self) -> bool:
-        """Whether it is a body that no finger touches, but what a finger pushes."""
-        return not self.is_finger and self.by != f"{self.finger} finger"
-
-    def is_held_by(self, other: Mover) -> bool:
-        """Whether it is a body that one finger pushes directly and the other has met."""
-        opposite = self.sign * other.sign < 0
-        return opposite and other.is_finger and not self.is_pushed_indirectly
-
-    def offset_m(self, finger_m: float) -> float:
-        """How far it is along y from where its parts are, when the fingers are at a position."""
-        if not self.sign:
-            return 0.0
-        moved_m = -finger_m if self.is_finger else self.begin_m - finger_m
-        return self.sign * moved_m
-
-
-class Squeeze:
-    """The fingers on their way, from contact to contact."""
-
-    def __init__(self, world: World, side: str) -> None:
-        """Start where the fingers of a hand are now.
-
-        Args:
-            world: the robot and the bodies.
-            side: whose hand, "left" or "right".
-        """
-        self.world = world
-        self.side = side
-        self.hand = world.hands[side]
-        self.T_base_tip = world.T_base_tip(side)
-        self.begin_m = self.finger_m = world.finger_m(side)
-        self._lift = PRESSING_TOLERANCE_M * (self.T_base_tip.rotation.T @ UP)
-        self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
-        self._movers = [*self._fingers(), *map(self._mover, world.scene)]
-
-    def run(self) -> tuple[Mover, Mover] | None:
-        """Close until something stops the fingers: what met what; None when they close fully."""
-        while (meeting := self._next()) is not None:
-            travel_m, first, second = meeting
-            self.finger_m = max(0.0, self.finger_m - max(0.0, travel_m))
-            is_inside = first.is_finger and travel_m <= -PRESSING_TOLERANCE_M
-            if second.sign or not second.is_movable or is_inside:
-                return first, second
-            self._take_along(first, second, max(0.0, -travel_m))
-        self.finger_m = 0.0
-        return None
-
-    def agree(self, mover: Mover, grasp: Grasp) -> None:
-        """Let a body and its riders end exactly where the hand's prediction puts it."""
-        self.finger_m = grasp.finger_m
-        for follower in self._with_riders(mover):
-            follower.begin_m = grasp.finger_m + abs(grasp.push_m)
-
-    @property
-    def pushes(self) -> tuple[Push, ...]:
-        """The bodies that were moved until now."""
-        return tuple(self._push(m) for m in self._movers if m.sign and not m.is_finger)
-
-    def _fingers(self) -> Iterator[Mover]:
-        for finger, sign, parts in zip(("left", "right"), (-1, 1), self.hand.fingers, strict=True):
-            yield Mover(f"{finger} finger", list(parts), True, sign=sign, finger=finger)
-
-    def _mover(self, body: Body) -> Mover:
-        T_tip_body = self.T_base_tip.inverse() * body.T_base_body
-        parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
-        is_held = any(
-            held is not None and held.body == body.name
-            for held in map(self.world.holding, self.world.hands)
-        )
-        return Mover(body.name, parts, is_movable=body.is_movable and not is_held)
-
-    def _next(self) -> tuple[float, Mover, Mover] | None:
-        """The next contact: after how much finger travel, what meets what."""
-        meetings = []
-        for first in self._movers:
-            for second in self._movers:
-                if first.sign and first.sign != second.sign and _is_worth_it(first, second):
-                    travel_m = self._travel(first, second)
-                    if travel_m is not None and travel_m <= self.finger_m:
-                        meetings.append((travel_m, first, second))
-        return min(meetings, key=lambda meeting: meeting[0], default=None)
-
-    def _travel(self, first: Mover, second: Mover) -> float | None:
-        """How far the fingers travel until one thing meets another; None if they do not meet."""
-        rate = abs(first.sign - second.sign)
-        along = first.sign * CLOSING_AXIS
-        start_m = first.offset_m(self.finger_m) - first.sign * PRESSING_TOLERANCE_M
-        still_m = second.offset_m(self.finger_m)
-        passed_m = first.sign * (start_m - still_m)
-        found, room_m = None, rate * self.finger_m + PRESSING_TOLERANCE_M
-        for gap_m, part, other in self._pairs(first, second):
-            if gap_m - passed_m > room_m:
-                break  # all others are farther apart
-            moving, still = (
-                _moved(part, start_m * CLOSING_AXIS),
-                _moved(other, still_m * CLOSING_AXIS),
-            )
-            travel_m = self._part_travel(moving, along, still, room_m, first)
-            if travel_m is not None:
-                found = room_m = travel_m
-        return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
-
-    def _part_travel(
-        self, part: Part, along: FloatArray, other: Part, room_m: float, mover: Mover
-    ) -> float | None:
-        """The same for two shapes; the first lifted, so that it passes over what it stands on."""
-        travel = travel_to_contact(_moved(part, self._lift), along, other, room_m)
-        if travel is None or not mover.is_finger:
-            return travel
-        exact = travel_to_contact(part, along, other, room_m)
-        return travel if exact is None else exact
-
-    def _pairs(self, first: Mover, second: Mover) -> list[tuple[float, Part, Part]]:
-        """The shapes of two things that may meet, and how far apart they begin along y.
-
-        The nearest first. As all move along y, they stay the same.
-        """
-        key = first.name, second.name
-        if key not in self._known:
-            lifted = [(part, _extents(_moved(part, self._lift))) for part in first.parts]
-            others = [(part, _extents(part)) for part in second.parts]
-            pairs = [
-                (_gap_along_y(one, two, first.sign), part, other)
-                for part, one in lifted
-                for other, two in others
-                if all(one[k][0] <= two[k][1] and two[k][0] <= one[k][1] for k in (0, 2))
-            ]
-            self._known[key] = sorted(pairs, key=lambda pair: pair[0])
-        return self._known[key]
-
-    def _take_along(self, first: Mover, second: Mover, pressed_m: float) -> None:
-        """From now on a body moves with what has met it, and its riders with it.
-
-        It leaves what presses into it at once.
-        """
-        for follower in self._with_riders(second):
-            if follower.sign == 0:
-                follower.sign, follower.begin_m = first.sign, self.finger_m + pressed_m
-                follower.finger = first.finger
-                follower.by = first.name if follower is second else second.name
-                follower.is_riding = follower is not second
-
-    def _with_riders(self, mover: Mover) -> list[Mover]:
-        names = {mover.name, *self.world.riders(mover.name)}
-        followers = [m for m in self._movers if m.name in names and not m.is_finger]
-        return [m for m in followers if m is mover or m.sign in (0, mover.sign)]
-
-    def _push(self, mover: Mover) -> Push:
-        return Push(
-            body=mover.name,
-            finger=mover.finger,
-            by=mover.by,
-            begin_m=mover.begin_m,
-            end_m=self.finger_m,
-            axis_base=mover.sign * self.T_base_tip.rotation[:, 1],
-            T_base_begin=self.world.body(mover.name).T_base_body,
-            is_riding=mover.is_riding,
-        )
-
-
-def _is_worth_it(first: Mover, second: Mover) -> bool:
-    """Whether a pair is to be looked at: fingers meet no fingers, and of two that move, once."""
-    if first.is_finger or second.is_finger:
-        return first.is_finger and not second.is_finger
-    return second.sign == 0 or first.sign < second.sign
-
-
-def _extents(part: Part) -> list[tuple[float, float]]:
-    """Where a shape begins and ends along x, y and z of the tip, m."""
-    if not isinstance(part.shape, Box):
-        return [extent(part, axis) for axis in range(3)]
-    T, half = part.T_body_part, np.array(part.shape.size_m) / 2
-    middle, reach = T.translation, np.abs(T.rotation) @ half
-    return list(zip((middle - reach).tolist(), (middle + reach).tolist(), strict=True))
-
-
-def _gap_along_y(
-    moving: list[tuple[float, float]], still: list[tuple[float, float]], sign: int
-) -> float:
-    """How far a shape may move along y, or -y, before its extent meets another's."""
-    return still[1][0] - moving[1][1] if sign > 0 else moving[1][0] - still[1][1]
-
-
-def _moved(part: Part, way: FloatArray) -> Part:
-    T = part.T_body_part
-    return part.at(pin.SE3(T.rotation, T.translation + way))
-
-
-AGREEMENT_M = 1e-6
-"""The pads stop on a body where the hand's prediction says, within this; contacts are found to
-1e-8 m, and several add up."""
-
-
 @frozen(error=SimulationError)
 class Closing:
-    """How a close will end.
+    """How a closing will end.
 
     Attributes:
         finger_m: finger position at the end.
@@ -324,76 +105,6 @@ class Closing:
         return f"fingers at {millimetres(self.finger_m)}", "" if found is None else repr(found)
 
 
-def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
-    """What happens when an empty hand closes where it is.
-
-    Args:
-        world: the robot and the bodies.
-        side: whose hand.
-        wanted: name of the body that it shall hold; a miss is told of that one, where it is there.
-    """
-    squeeze = Squeeze(world, side)
-    stop = squeeze.run()
-    if stop is None:
-        return _closed_fully(squeeze, wanted)
-    first, second = stop
-    if first.is_held_by(second) or second.is_held_by(first):
-        return _met(squeeze, first if second.is_finger else second)
-    return _ended(squeeze, miss=_blocked(first, second, squeeze))
-
-
-def _closed_fully(squeeze: Squeeze, wanted: str | None) -> Closing:
-    """Nothing stopped the fingers."""
-    hand, scene = squeeze.hand, squeeze.world.scene
-    miss = Miss(MissKind.NOTHING, "nothing is between the finger pads")
-    if wanted is not None and wanted in scene.bodies:
-        found = hand.close_on(squeeze.T_base_tip, scene[wanted], squeeze.begin_m)
-        miss = found if isinstance(found, Miss) else miss
-    return _ended(squeeze, miss=miss)
-
-
-def _met(squeeze: Squeeze, mover: Mover) -> Closing:
-    """Both fingers are on a body: as the hand predicts, or not with the pads."""
-    body = squeeze.world.body(mover.name)
-    found = squeeze.hand.close_on(squeeze.T_base_tip, body, squeeze.begin_m)
-    if isinstance(found, Grasp) and abs(found.finger_m - squeeze.finger_m) <= AGREEMENT_M:
-        squeeze.agree(mover, found)
-        return _ended(squeeze, body=mover.name, grasp=found)
-    if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
-        text = f"the fingers touch {mover.name} outside of their pads"
-        found = Miss(MissKind.EDGE, text, mover.name, 0.0)
-    return _ended(squeeze, miss=found)
-
-
-def _blocked(first: Mover, second: Mover, squeeze: Squeeze) -> Miss:
-    """Why the fingers stopped and hold nothing."""
-    if first.sign and second.sign:
-        names = [mover.name for mover in (first, second) if not mover.is_finger]
-        names += [mover.by for mover in (first, second) if mover.by and mover.is_pushed_indirectly]
-        text = f"{' and '.join(dict.fromkeys(names))} are between the fingers, which hold only one"
-        return Miss(MissKind.CROWDED, text, names[0])
-    if second.is_movable:  # a finger is inside it
-        body = squeeze.world.body(second.name)
-        found = squeeze.hand.close_on(squeeze.T_base_tip, body, squeeze.begin_m)
-        if isinstance(found, Miss) and found.kind is not MissKind.NOTHING:
-            return found
-        text = f"{second.name} reaches into {first.title} before they close"
-        return Miss(MissKind.NOT_BETWEEN, text, second.name)
-    text = f"{first.title} met {second.name}, which does not give way"
-    return Miss(MissKind.BLOCKED, text, second.name)
-
-
-def _ended(
-    squeeze: Squeeze,
-    *,
-    body: str | None = None,
-    grasp: Grasp | None = None,
-    miss: Miss | None = None,
-) -> Closing:
-    """The closing, ended where the fingers are."""
-    return Closing(squeeze.finger_m, body, grasp, miss, squeeze.pushes)
-
-
 @frozen(error=SimulationError, eq=True)
 class GripperState:
     """What a gripper reports.
@@ -410,7 +121,7 @@ class GripperState:
 
 
 NO_GRIPPER = GripperState(0.0, is_gripping=False, has_missed=False)
-"""What a flange without a gripper counts as, where something must be said of it."""
+"""What a flange without a gripper counts as, where a state is needed."""
 
 
 class Gripper(OneLine):
@@ -434,7 +145,7 @@ class Gripper(OneLine):
         """What the gripper reports now."""
         is_gripping = self._world.holding(self._side) is not None
         now = self._world.finger_m(self._side), is_gripping, self._has_missed
-        if now != self._last:  # it is asked at every tick, and mostly nothing has changed
+        if now != self._last:  # it is read at every tick, and mostly nothing has changed
             self._last = now
             self._state = GripperState(self._hand.percent(now[0]), *now[1:])
         return self._state
@@ -447,22 +158,13 @@ class Gripper(OneLine):
     @property
     def gap_m(self) -> float:
         """Distance between the pads now."""
-        return self._hand.closed_gap_m + 2 * self._world.finger_m(self._side)
-
-    def travel_time_s(self, finger_m: float) -> float:
-        """How long the fingers take from where they are to a position.
-
-        Raises:
-            SimulationError: when the position is not a finite number.
-        """
-        finger_m = finite_scalar(finger_m, "finger position", SimulationError)
-        return abs(finger_m - self._world.finger_m(self._side)) / FINGER_SPEED_M_S
+        return self._hand.gap_m(self._world.finger_m(self._side))
 
     def closing(self, wanted: str | None = None) -> Closing:
-        """What a close would do now. Nothing moves.
+        """Predict how closing from here would end. Nothing moves.
 
         Args:
-            wanted: name of the body that it is about; a miss tells of that one.
+            wanted: name of the body to be grasped; the reason of a miss is about that one.
 
         Raises:
             SimulationError: when the hand already holds something, or the name is not text.
@@ -477,22 +179,14 @@ class Gripper(OneLine):
         return closing_of(self._world, self._side, wanted)
 
     def close_to(self, closing: Closing, finger_m: float) -> None:
-        """Put the fingers at a position on their way, and what they push where it is then.
-
-        Raises:
-            SimulationError: when the position is outside 0 .. stroke, or `closing` no `Closing`.
-        """
+        """Put the fingers at a position on their way, and what they push where it is then."""
         expect(closing, Closing, "closing", SimulationError)
         self._world.set_fingers(self._side, finger_m)
         for push in closing.pushes:
             self._world.slide(push.body, push.pose(finger_m))
 
     def finish(self, closing: Closing) -> None:
-        """The fingers have arrived: hold the body, or report a miss.
-
-        Raises:
-            SimulationError: when `closing` has the wrong type.
-        """
+        """End a closing where it ends: hold the body, or report a miss from then on."""
         expect(closing, Closing, "closing", SimulationError)
         self.close_to(closing, closing.finger_m)
         self._has_missed = closing.grasp is None
@@ -500,7 +194,7 @@ class Gripper(OneLine):
             self._world.attach(self._side, closing.body, closing.grasp.T_tip_body)
 
     def release(self) -> str | None:
-        """The fingers begin to open: name of the body that is free now, or None."""
+        """Begin to open; returns the name of the body that is free now, or None."""
         self._has_missed = False
         return self._world.detach(self._side)
 
@@ -509,3 +203,279 @@ class Gripper(OneLine):
             "gripping" if self.state.is_gripping else "missed" if self.state.has_missed else "empty"
         )
         return self._side, f"fingers at {millimetres(self.open_m)}", state
+
+
+def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
+    """Predict how an empty hand closes from where it is.
+
+    Args:
+        world: the robot and the bodies.
+        side: of the hand.
+        wanted: name of the body to be grasped; the reason of a miss is about that one, if present.
+    """
+    squeeze = Squeeze(world, side)
+    stop = squeeze.run()
+    if stop is None:
+        return squeeze.missed(_nothing(squeeze, wanted))
+    first, second = stop
+    if first.is_held_by(second) or second.is_held_by(first):
+        return _between(first if second.is_finger else second, squeeze)
+    return squeeze.missed(_blocked(first, second, squeeze))
+
+
+def _nothing(squeeze: Squeeze, wanted: str | None) -> Miss:
+    """The miss of fingers that nothing stopped."""
+    if wanted is not None and wanted in squeeze.world.scene.bodies:
+        found = squeeze.close_on(wanted)
+        if isinstance(found, Miss):
+            return found
+    return Miss(MissKind.NOTHING, "nothing is between the finger pads")
+
+
+def _between(mover: Mover, squeeze: Squeeze) -> Closing:
+    """The closing of fingers that are both on a body: with their pads as predicted, or not."""
+    found = squeeze.close_on(mover.name)
+    if isinstance(found, Grasp) and abs(found.finger_m - squeeze.finger_m) <= AGREEMENT_M:
+        return squeeze.grasped(mover, found)
+    if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
+        text = f"the fingers touch {mover.name} outside of their pads"
+        found = Miss(MissKind.EDGE, text, mover.name, 0.0)
+    return squeeze.missed(found)
+
+
+def _blocked(first: Mover, second: Mover, squeeze: Squeeze) -> Miss:
+    """The miss of fingers that stopped and hold nothing."""
+    if first.sign and second.sign:
+        names = [mover.name for mover in (first, second) if not mover.is_finger]
+        names += [mover.by for mover in (first, second) if mover.by and mover.is_pushed_indirectly]
+        text = f"{' and '.join(dict.fromkeys(names))} are between the fingers, which hold only one"
+        return Miss(MissKind.CROWDED, text, names[0])
+    if second.is_movable:  # a finger is inside it
+        found = squeeze.close_on(second.name)
+        if isinstance(found, Miss) and found.kind is not MissKind.NOTHING:
+            return found
+        text = f"{second.name} reaches into {first.title} before they close"
+        return Miss(MissKind.NOT_BETWEEN, text, second.name)
+    text = f"{first.title} met {second.name}, which does not give way"
+    return Miss(MissKind.BLOCKED, text, second.name)
+
+
+@dataclass(slots=True, eq=False)
+class Mover:
+    """A finger or a body, while the fingers close.
+
+    Attributes:
+        name: "left finger", "right finger", or that of the body.
+        parts: its shapes seen from the tip, of a finger with it closed.
+        is_finger: whether it is a finger.
+        is_movable: whether it is a body that gives way.
+        sign: direction of its motion along y of the tip; 0 while it stands still.
+        begin_m: finger position from which on a body moves.
+        finger: the finger that moves it, "left" or "right".
+        by: name of what pushes it.
+        is_riding: whether it is only carried along by what it stands on.
+    """
+
+    name: str
+    parts: list[Part]
+    is_finger: bool = False
+    is_movable: bool = False
+    sign: int = 0
+    begin_m: float = 0.0
+    finger: str = ""
+    by: str = ""
+    is_riding: bool = False
+
+    @property
+    def title(self) -> str:
+        """Its name in a sentence."""
+        return f"the {self.name}" if self.is_finger else self.name
+
+    @property
+    def is_pushed_indirectly(self) -> bool:
+        """Whether it is a body that no finger touches, but what a finger pushes."""
+        return not self.is_finger and self.by != f"{self.finger} finger"
+
+    def is_held_by(self, other: Mover) -> bool:
+        """Whether it is a body that one finger pushes directly and the other has met."""
+        opposite = self.sign * other.sign < 0
+        return opposite and other.is_finger and not self.is_pushed_indirectly
+
+    def offset_m(self, finger_m: float) -> float:
+        """Its distance along y from where its parts are, when the fingers are at a position."""
+        if not self.sign:
+            return 0.0
+        return self.sign * ((0.0 if self.is_finger else self.begin_m) - finger_m)
+
+
+class Squeeze:
+    """The fingers on their way, from contact to contact.
+
+    Attributes:
+        world: the robot and the bodies.
+        finger_m: where the fingers are.
+    """
+
+    def __init__(self, world: World, side: str) -> None:
+        """Start where the fingers of a hand are now."""
+        self.world, self.finger_m = world, world.finger_m(side)
+        self._hand, self._T_base_tip = world.hands[side], world.T_base_tip(side)
+        self._begin_m = self.finger_m
+        self._lift = PRESSING_TOLERANCE_M * (self._T_base_tip.rotation.T @ UP)
+        self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
+        self._movers = [
+            Mover(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
+            for finger, sign, parts in zip(
+                ("left", "right"), (-1, 1), self._hand.fingers, strict=True
+            )
+        ]
+        held = {each.body for each in world.held}
+        for body in world.scene:
+            T_tip_body = self._T_base_tip.inverse() * body.T_base_body
+            parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
+            is_movable = body.is_movable and body.name not in held
+            self._movers.append(Mover(body.name, parts, is_movable=is_movable))
+
+    def run(self) -> tuple[Mover, Mover] | None:
+        """Close until something stops the fingers.
+
+        Returns:
+            What met what there; None when they close fully.
+        """
+        while (meeting := self._next()) is not None:
+            travel_m, first, second = meeting
+            self.finger_m = max(0.0, self.finger_m - max(0.0, travel_m))
+            is_inside = first.is_finger and travel_m <= -PRESSING_TOLERANCE_M
+            if second.sign or not second.is_movable or is_inside:
+                return first, second
+            self._take_along(first, second, max(0.0, -travel_m))
+        self.finger_m = 0.0
+        return None
+
+    def close_on(self, name: str) -> Grasp | Miss:
+        """The hand's own prediction for one body, from where the fingers began."""
+        return self._hand.close_on(self._T_base_tip, self.world.body(name), self._begin_m)
+
+    def missed(self, miss: Miss) -> Closing:
+        """The closing that ends here with a miss."""
+        return Closing(self.finger_m, miss=miss, pushes=self.pushes)
+
+    def grasped(self, mover: Mover, grasp: Grasp) -> Closing:
+        """The closing that ends with a grasp; the body and its riders end as predicted."""
+        self.finger_m = grasp.finger_m
+        for follower in self._with_riders(mover):
+            follower.begin_m = grasp.finger_m + abs(grasp.push_m)
+        return Closing(self.finger_m, mover.name, grasp, pushes=self.pushes)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        """The bodies that were moved until now."""
+        return tuple(
+            Push(
+                body=mover.name,
+                finger=mover.finger,
+                by=mover.by,
+                begin_m=mover.begin_m,
+                end_m=self.finger_m,
+                axis_base=mover.sign * self._T_base_tip.rotation[:, 1],
+                T_base_begin=self.world.body(mover.name).T_base_body,
+                is_riding=mover.is_riding,
+            )
+            for mover in self._movers
+            if mover.sign and not mover.is_finger
+        )
+
+    def _next(self) -> tuple[float, Mover, Mover] | None:
+        """The next contact: after how much finger travel, what meets what."""
+        meetings = []
+        for first in self._movers:
+            for second in self._movers:
+                if first.sign and first.sign != second.sign and _may_meet(first, second):
+                    travel_m = self._travel(first, second)
+                    if travel_m is not None and travel_m <= self.finger_m:
+                        meetings.append((travel_m, first, second))
+        return min(meetings, key=lambda meeting: meeting[0], default=None)
+
+    def _travel(self, first: Mover, second: Mover) -> float | None:
+        """The travel of the fingers until one thing meets another; None if they do not meet."""
+        rate = abs(first.sign - second.sign)
+        along = first.sign * CLOSING_AXIS
+        start_m = first.offset_m(self.finger_m) - first.sign * PRESSING_TOLERANCE_M
+        still_m = second.offset_m(self.finger_m)
+        passed_m = first.sign * (start_m - still_m)
+        found, max_m = None, rate * self.finger_m + PRESSING_TOLERANCE_M
+        for gap_m, part, other in self._pairs(first, second):
+            if gap_m - passed_m > max_m:
+                break  # all others are farther apart
+            moving = _moved(part, start_m * CLOSING_AXIS)
+            still = _moved(other, still_m * CLOSING_AXIS)
+            travel_m = travel_to_contact(_moved(moving, self._lift), along, still, max_m)
+            if travel_m is not None and first.is_finger:  # the lift lets it pass over a support
+                exact_m = travel_to_contact(moving, along, still, max_m)
+                travel_m = travel_m if exact_m is None else exact_m
+            if travel_m is not None:
+                found = max_m = travel_m
+        return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
+
+    def _pairs(self, first: Mover, second: Mover) -> list[tuple[float, Part, Part]]:
+        """The shapes of two things that may meet, and their first distance along y.
+
+        The nearest come first. As all move along y, the pairs stay the same.
+        """
+        key = first.name, second.name
+        if key not in self._known:
+            lifted = [(part, _extents(_moved(part, self._lift))) for part in first.parts]
+            others = [(part, _extents(part)) for part in second.parts]
+            pairs = [
+                (_gap_along_y(one, two, first.sign), part, other)
+                for part, one in lifted
+                for other, two in others
+                if all(one[k][0] <= two[k][1] and two[k][0] <= one[k][1] for k in (0, 2))
+            ]
+            self._known[key] = sorted(pairs, key=lambda pair: pair[0])
+        return self._known[key]
+
+    def _take_along(self, first: Mover, second: Mover, pressed_m: float) -> None:
+        """Let a body, and its riders, move with what has met it from now on.
+
+        It leaves what presses into it at once.
+        """
+        for follower in self._with_riders(second):
+            if follower.sign == 0:
+                follower.sign, follower.begin_m = first.sign, self.finger_m + pressed_m
+                follower.finger = first.finger
+                follower.by = first.name if follower is second else second.name
+                follower.is_riding = follower is not second
+
+    def _with_riders(self, mover: Mover) -> list[Mover]:
+        names = {mover.name, *self.world.riders(mover.name)}
+        followers = [m for m in self._movers if m.name in names and not m.is_finger]
+        return [m for m in followers if m is mover or m.sign in (0, mover.sign)]
+
+
+def _may_meet(first: Mover, second: Mover) -> bool:
+    """Whether a pair must be checked: fingers meet no fingers, and of two that move, once."""
+    if first.is_finger or second.is_finger:
+        return first.is_finger and not second.is_finger
+    return second.sign == 0 or first.sign < second.sign
+
+
+def _extents(part: Part) -> list[tuple[float, float]]:
+    """The interval of a shape along x, y and z of the tip, m."""
+    if not isinstance(part.shape, Box):
+        return [extent(part, axis) for axis in range(3)]
+    T, half = part.T_body_part, np.array(part.shape.size_m) / 2
+    middle, reach = T.translation, np.abs(T.rotation) @ half
+    return list(zip((middle - reach).tolist(), (middle + reach).tolist(), strict=True))
+
+
+def _gap_along_y(
+    moving: list[tuple[float, float]], still: list[tuple[float, float]], sign: int
+) -> float:
+    """The distance that a shape moves along y, or -y, before its extent meets another's."""
+    return still[1][0] - moving[1][1] if sign > 0 else moving[1][0] - still[1][1]
+
+
+def _moved(part: Part, way: FloatArray) -> Part:
+    T = part.T_body_part
+    return part.at(pin.SE3(T.rotation, T.translation + way))

@@ -1,8 +1,8 @@
-"""World: the one place where things move. Robot, fingers, bodies, what supports and holds what.
+"""World: the state of robot, fingers and bodies, and of what supports and holds what.
 
-Kinematic: bodies have no mass. What stands on a body goes where that goes, however fast. How bodies
-fall is on `sim.world.falling`, how closing fingers push them on `sim.world.gripper`; nothing
-else pushes them.
+It is kinematic: bodies have no mass. What stands on a body moves with it, however fast. Bodies fall
+as `sim.world.falling` says, and closing fingers push them as `sim.world.gripper` says; nothing else
+pushes them.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from sim.errors import SimulationError
 from sim.world.falling import Rest, come_to_rest
 
 ROUNDING_RAD = 1e-9
-"""How far a trajectory may leave the joint limits by rounding."""
+"""Maximum distance of a trajectory from the joint limits by rounding."""
 
-UNMOVED = 1e-6
-"""A body that goes by less, m, and of rotation matrices, stays on all that it stands on."""
+MIN_MOTION = 1e-6
+"""A body that moves by less, m, and of rotation matrices, stays on all that it stands on."""
 
 
 class World(OneLine):
@@ -51,9 +51,6 @@ class World(OneLine):
         Args:
             robot: the robot.
             body: what it is taken to be; `RobotBody.load()` when not given.
-
-        Raises:
-            SimulationError: when the robot has the wrong type.
         """
         self.robot = expect(robot, Baxter, "robot", SimulationError)
         self.shapes = RobotShapes(robot, body)
@@ -84,12 +81,12 @@ class World(OneLine):
         return self._q.copy()
 
     def arm_q(self, side: str) -> FloatArray:
-        """Where an arm stands, shape (7,), rad."""
+        """Configuration of an arm, shape (7,), rad."""
         q: FloatArray = self._q[self._arm_indices[self._side(side)]]
         return q
 
     def T_base_tip(self, side: str) -> pin.SE3:
-        """Where the tip of an arm is."""
+        """Pose in base of the tip of an arm."""
         return self.robot.arm(side).T_base_tip(self.arm_q(side))
 
     def finger_m(self, side: str) -> float:
@@ -110,15 +107,11 @@ class World(OneLine):
         return hand
 
     def turn_head(self, pan_rad: float) -> None:
-        """Turn the head, rad, positive to the robot's left.
-
-        Raises:
-            SimulationError: when it is not a finite number.
-        """
+        """Turn the head, rad, positive to the robot's left."""
         self._q[self._head] = finite_scalar(pan_rad, "pan_rad", SimulationError)
 
     def set_fingers(self, side: str, finger_m: float) -> None:
-        """Put the fingers of a hand somewhere; they do not push.
+        """Put the fingers of a hand at a position; they do not push.
 
         Raises:
             SimulationError: when the position is outside 0 .. stroke, or there are no fingers.
@@ -143,11 +136,7 @@ class World(OneLine):
         return State(self.scene, joints, self.held)
 
     def body(self, name: str) -> Body:
-        """One body where it is now.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """A body where it is now."""
         known = self._known(name)
         return self._bodies[known].at(self._poses[known])
 
@@ -161,7 +150,7 @@ class World(OneLine):
         return self._held.get(self._side(side))
 
     def move_arm(self, side: str, q: ArrayLike) -> None:
-        """Put an arm somewhere; what its hand holds comes along.
+        """Put an arm at a configuration; what its hand holds moves along.
 
         Args:
             side: "left" or "right".
@@ -194,11 +183,7 @@ class World(OneLine):
         return rest.support
 
     def delete(self, name: str) -> None:
-        """Remove a body, out of a hand if need be; what stands on it falls.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Remove a body, out of a hand if need be; what stands on it falls."""
         loose = self.riders(name)
         del self._bodies[name], self._poses[name]
         self.supports.pop(name, None)
@@ -209,14 +194,9 @@ class World(OneLine):
             self.settle(rider)
 
     def place_body(self, name: str, T_base_body: PoseLike) -> None:
-        """Put a body somewhere, as it is; what stands on it goes along.
+        """Put a body at a pose; what stands on it moves along.
 
         It stands on what it touches below it then, and hangs in the air when that is nothing.
-
-        Raises:
-            SceneError: when it is not there.
-            PoseError: when the pose is not a valid one.
-            SimulationError: when a hand holds it.
         """
         self.carry(name, T_base_body)
         self.supports.pop(name, None)
@@ -225,33 +205,17 @@ class World(OneLine):
             self.supports[name] = rest.supports
 
     def carry(self, name: str, T_base_body: PoseLike) -> None:
-        """Put a body somewhere on its way, what stands on it with it; nobody asks what is below.
-
-        Raises:
-            SceneError: when it is not there.
-            PoseError: when the pose is not a valid one.
-            SimulationError: when a hand holds it.
-        """
+        """Put a body at a pose on its way, without its supports; what stands on it moves along."""
         self._refuse_held(self._known(name))
         self._put(name, checked_pose(T_base_body))
 
     def slide(self, name: str, T_base_body: PoseLike) -> None:
-        """Put one body somewhere on its way, and nothing else.
-
-        Raises:
-            SceneError: when it is not there.
-            PoseError: when the pose is not a valid one.
-            SimulationError: when a hand holds it.
-        """
+        """Put a body at a pose on its way; nothing else moves."""
         self._refuse_held(self._known(name))
         self._poses[name] = checked_pose(T_base_body)
 
     def riders(self, name: str) -> tuple[str, ...]:
-        """Names of the bodies that stand on a body, and on these, from below up.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Names of the bodies that stand on a body, and on these, from below up."""
         found = [self._known(name)]
         for below in found:  # grows: what stands on a rider rides too
             found += [n for n, s in self.supports.items() if below in s and n not in found]
@@ -263,32 +227,18 @@ class World(OneLine):
         return tuple(ordered)
 
     def rest(self, name: str) -> Rest:
-        """Where a body would come to rest if let go where it is.
-
-        Raises:
-            SceneError: when it is not there.
-        """
+        """Where a body would come to rest if released where it is."""
         along = {self._known(name), *self.riders(name)}
         return come_to_rest(self.body(name), [b for b in self.scene if b.name not in along])
 
     def settle(self, name: str) -> Rest:
-        """Let a body come to rest, at once; what stands on it goes along and settles after it.
-
-        Raises:
-            SceneError: when it is not there.
-            SimulationError: when a hand holds it.
-        """
+        """Let a body come to rest at once; what stands on it moves along and settles after it."""
         rest = self.rest(name)
         self.put_to_rest(name, rest)
         return rest
 
     def put_to_rest(self, name: str, rest: Rest) -> None:
-        """Put a body where it comes to rest, as `rest` said; what stands on it settles after it.
-
-        Raises:
-            SceneError: when it is not there.
-            SimulationError: when a hand holds it, or `rest` has the wrong type.
-        """
+        """Put a body where `rest` says; what stands on it settles after it."""
         expect(rest, Rest, "rest", SimulationError)
         self.carry(name, rest.T_base_body)
         self.supports[name] = rest.supports
@@ -296,7 +246,7 @@ class World(OneLine):
             self.settle(rider)
 
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
-        """From now on a body moves with a hand.
+        """Let a body move with a hand from now on.
 
         Raises:
             SceneError: when the body is not there.
@@ -315,12 +265,12 @@ class World(OneLine):
         self._carry(side)
 
     def detach(self, side: str) -> str | None:
-        """Let go of what a hand holds: its name, or None. It hangs in the air until settled."""
+        """Release what a hand holds, which hangs in the air until settled; returns its name."""
         held = self._held.pop(self._side(side), None)
         return None if held is None else held.body
 
     def body_poses(self) -> Mapping[str, pin.SE3]:
-        """Every body's pose seen from base."""
+        """Poses of all bodies in base."""
         return {name: pin.SE3(pose) for name, pose in self._poses.items()}
 
     def _facts(self) -> tuple[str, ...]:
@@ -342,7 +292,7 @@ class World(OneLine):
                 raise SimulationError(f"{quoted(name)} is in the {side} hand; open it first")
 
     def _checked_rest(self, body: Body) -> Rest:
-        """Where a movable body to be added comes to rest; raises where it must not be added."""
+        """Where a movable body to be added comes to rest; raises when it must not be added."""
         others = list(self.scene)
         for other in others:
             inside_m = depth_m(body, other)
@@ -378,7 +328,7 @@ class World(OneLine):
             along = {name, *riders}
             for rider in riders:
                 self._poses[rider] = motion * self._poses[rider]
-                if not motion.isIdentity(UNMOVED):  # it leaves what else it stood on
+                if not motion.isIdentity(MIN_MOTION):  # it leaves what else it stood on
                     left = tuple(below for below in self.supports[rider] if below in along)
                     self.supports[rider] = left
         self._poses[name] = T_base_body

@@ -10,7 +10,7 @@ import pytest
 
 from baxter_kin import Baxter
 from planner import Body
-from sim import Event, EventKind, Observer, SimulationError, Snapshot
+from sim import Dwell, Event, EventKind, Observer, Outcome, SimulationError, Snapshot
 from sim.events import JOINTS_OF_ROBOT
 from sim.world import GripperState, Rest
 
@@ -30,36 +30,46 @@ def test_events_are_equal_by_what_was_told_not_by_the_facts_behind(block: Body) 
     assert first != Event(1.0, EventKind.GRASPED, "block grasped", "right", body=block)
 
 
-@pytest.mark.parametrize("side", ["middle", "", "LEFT", 5])
-def test_an_event_of_no_side_is_refused(side: Any) -> None:
-    with pytest.raises(SimulationError, match="side"):
-        Event(0.0, EventKind.OPENED, "", side)
-
-
-@pytest.mark.parametrize("time_s", [np.nan, np.inf, None, "now"])
-def test_an_event_at_no_time_is_refused(time_s: Any) -> None:
-    with pytest.raises(SimulationError, match="time_s"):
-        Event(time_s, EventKind.ENABLED, "")
+VALID: dict[Any, dict[str, Any]] = {
+    Event: {"time_s": 0.0, "kind": EventKind.ENABLED, "text": ""},
+    Snapshot: {
+        "time_s": 0.0,
+        "q": np.zeros(19),
+        "T_base_bodies": {},
+        "grippers": BOTH,
+        "caption": "",
+    },
+    Dwell: {},
+    Outcome: {"failure": None, "duration_s": 1.0},
+}
 
 
 @pytest.mark.parametrize(
-    "facts",
-    [{"kind": "grasped"}, {"text": None}, {"body": "block"}, {"move": 3}, {"detail": "hit"}],
+    ("cls", "field", "value"),
+    [
+        *((Event, "side", side) for side in ("middle", "", 5)),
+        *((Event, "time_s", time_s) for time_s in (np.nan, np.inf, None)),
+        (Event, "kind", "grasped"),
+        (Event, "text", None),
+        (Event, "body", "block"),
+        (Event, "move", 3),
+        (Event, "detail", "hit"),
+        *((Snapshot, "q", q) for q in (np.zeros(7), np.zeros(18), np.full(19, np.nan), "q")),
+        *((Dwell, name, -1e-9) for name in ("after_grasp_s", "after_release_s")),
+        (Dwell, "after_grasp_s", None),
+        (Outcome, "failure", 5),
+        (Outcome, "duration_s", "long"),
+        (Outcome, "hits", ["box"]),
+    ],
 )
-def test_an_event_of_other_classes_is_refused(facts: dict[str, Any]) -> None:
-    with pytest.raises(SimulationError, match=next(iter(facts))):
-        Event(**{"time_s": 0.0, "kind": EventKind.ENABLED, "text": "", **facts})
+def test_a_field_of_the_wrong_type_or_value_is_refused(cls: Any, field: str, value: Any) -> None:
+    with pytest.raises(SimulationError, match=field):
+        cls(**{**VALID[cls], field: value})
 
 
 @pytest.mark.parametrize("joints", JOINTS_OF_ROBOT)
 def test_a_snapshot_has_the_joints_of_a_robot_with_or_without_fingers(joints: int) -> None:
     assert Snapshot(0.0, np.zeros(joints), {}, BOTH, "").q.shape == (joints,)
-
-
-@pytest.mark.parametrize("q", [np.zeros(7), np.zeros(18), np.full(19, np.nan), "q", None], ids=str)
-def test_a_configuration_of_no_robot_is_refused(q: Any) -> None:
-    with pytest.raises(SimulationError, match="q"):
-        Snapshot(0.0, q, {}, BOTH, "")
 
 
 def test_a_snapshot_keeps_its_configuration_when_the_callers_changes(robot: Baxter) -> None:

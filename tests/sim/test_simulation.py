@@ -283,37 +283,28 @@ class TestRefusals:
             run.simulation.execute(plan)
         assert run.witness.snapshots == []
 
-    @pytest.mark.parametrize("plan", [None, "plan", [], 5])
-    def test_a_plan_that_is_none(self, run: Run, plan: Any) -> None:
-        with pytest.raises(SimulationError, match="plan"):
-            run.simulation.execute(plan)
-
     @pytest.mark.parametrize(
-        "tick_s", [0.0, -0.01, np.nan, np.inf, None, "fast", True, 1e-300, 10**400]
+        "options",
+        [
+            {"world": None},
+            {"observers": [print]},
+            {"dwell": 1.0},
+            {"check_contacts": 1},
+            *({"tick_s": tick_s} for tick_s in (0.0, np.inf, None, "fast", 1e-300, 10**400)),
+        ],
     )
-    def test_a_tick_that_is_none(self, run: Run, tick_s: Any) -> None:
-        with pytest.raises(SimulationError, match="tick_s"):
-            Simulation(run.world, tick_s=tick_s)
+    def test_invalid_options(self, run: Run, options: dict[str, Any]) -> None:
+        with pytest.raises(SimulationError):
+            Simulation(**{"world": run.world, **options})
 
-    @pytest.mark.parametrize("duration_s", [-1e-9, np.nan, np.inf, None, "long", [1.0]])
-    def test_a_wait_that_is_none(self, run: Run, duration_s: Any) -> None:
-        with pytest.raises(SimulationError, match=r"duration_s|wait"):
-            run.simulation.wait(duration_s)
-
-    @pytest.mark.parametrize("options", [{"dwell": 1.0}, {"dwell": "long"}, {"dwell": {}}])
-    def test_dwells_of_another_class(self, run: Run, options: dict[str, Any]) -> None:
-        with pytest.raises(SimulationError, match="dwell"):
-            Simulation(run.world, **options)
-
-    @pytest.mark.parametrize("observers", [None, 5, "all", [None], [print]])
-    def test_observers_that_are_none(self, run: Run, observers: Any) -> None:
-        with pytest.raises(SimulationError, match="observers"):
-            Simulation(run.world, observers)
-
-    @pytest.mark.parametrize("world", [None, "world"])
-    def test_a_world_that_is_none(self, world: Any) -> None:
-        with pytest.raises(SimulationError, match="world"):
-            Simulation(world)
+    @pytest.mark.parametrize("wait_s", [-1e-9, np.nan, 1e6, None])
+    def test_invalid_arguments(self, run: Run, wait_s: Any) -> None:
+        with pytest.raises(SimulationError):
+            run.simulation.wait(wait_s)
+        plan: Any = "plan"
+        with pytest.raises(SimulationError):
+            run.simulation.execute(plan)
+        assert run.simulation.time_s == 0.0
 
     def test_bodies_that_are_there_already_or_not(self, run: Run, block: Body) -> None:
         told = len(run.witness.told)

@@ -21,7 +21,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body, Grip, GripperAction, Move
 from planner.state import State
-from sim.events import EventKind, Observer, opening_text, rest_text
+from sim.events import EventKind, Observer, opening_text
 from sim.samples import Sample, SampleObserver
 from sim.timeline import Timeline
 from sim.world.gripper import GripperState
@@ -115,7 +115,7 @@ class Twin:
     ) -> None:
         """Tell what happened."""
         self._timeline.time_s = time_s
-        self._timeline.tell(kind, text, side, move=move)
+        self._timeline.notify(kind, text, side, move=move)
 
     def gripped(self, time_s: float, side: str, grip: Grip, percent: float) -> None:
         """The gripper has done as told: what it closed on moves with it, what it let go falls."""
@@ -125,18 +125,10 @@ class Twin:
             return
         name = self.world.detach(side)
         if name is None:
-            self._timeline.tell(EventKind.OPENED, opening_text(side, percent), side)
+            self._timeline.notify(EventKind.OPENED, opening_text(side, percent), side)
             return
-        self._timeline.tell(
-            EventKind.RELEASED, f"{name} released", side, body=self.world.body(name)
-        )
-        rest = self.world.settle(name)
-        self._timeline.tell(
-            EventKind.SETTLED,
-            rest_text(name, rest),
-            body=self.world.body(name),
-            detail=rest,
-        )
+        self._timeline.released(side, name)
+        self._timeline.settled(name, self.world.settle(name))
 
     def _closed(self, side: str, grip: Grip, percent: float) -> None:
         name = grip.body
@@ -145,16 +137,16 @@ class Twin:
         T_tip_body = self.world.T_base_tip(side).inverse() * self.world.body(name).T_base_body
         self.world.attach(side, name, T_tip_body)
         text = f"{name} grasped, as the gripper reports ({percent:.0f} % open)"
-        self._timeline.tell(EventKind.GRASPED, text, side, body=self.world.body(name))
+        self._timeline.notify(EventKind.GRASPED, text, side, body=self.world.body(name))
 
     def missed(self, time_s: float, side: str, text: str) -> None:
         """The gripper holds nothing."""
         self._timeline.time_s = time_s
-        self._timeline.tell(EventKind.MISSED, text, side)
+        self._timeline.notify(EventKind.MISSED, text, side)
 
     def _appear(self, body: Body) -> None:
         text = f"{body.name}, where the plan has it"
-        self._timeline.tell(EventKind.SPAWNED, text, body=body)
+        self._timeline.notify(EventKind.SPAWNED, text, body=body)
 
     def _move(self, side: str, q: FloatArray) -> None:
         limits = self.world.robot.arm(side).limits

@@ -11,7 +11,6 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.events import EventKind, Observer
-from sim.grip_steps import GripEvents
 from sim.ros1.robot.parts.arm_motion import ArmMotion, Following
 from sim.ros1.robot.parts.assembly import Assembly
 from sim.ros1.robot.parts.contact_stop import ContactStop
@@ -73,15 +72,15 @@ class SimulatedBaxter(OneLine):
         self.world = world
         hands = {side: Gripper(world, side) for side in world.hands}
         self._timeline = Timeline(world, hands, observers, TICK_S)
-        events = GripEvents(world, hands, self._timeline)
         watches = {side: ContactWatch(world) for side in LIMBS}
         self.grippers = {
             side: ElectricGripper(
-                Fingers(world, side, hand, events, watches[side]), is_calibrated=is_calibrated
+                Fingers(world, side, hand, self._timeline, watches[side]),
+                is_calibrated=is_calibrated,
             )
             for side, hand in hands.items()
         }
-        self._stops = {side: ContactStop(side, watches[side], events) for side in LIMBS}
+        self._stops = {side: ContactStop(side, watches[side], self._timeline) for side in LIMBS}
         starts = {side: world.arm_q(side) for side in LIMBS} | dict(q_start or {})
         self.arms = {
             side: ArmMotion(world.robot.arm(side).limits, starts[side], following) for side in LIMBS
@@ -185,7 +184,7 @@ class SimulatedBaxter(OneLine):
         refusal = self.assembly.enable(self.time_s, is_tucked=self.is_tucked)
         if refusal is not None:
             raise BadOrderError(f"not enabled: {refusal}")
-        self._timeline.tell(EventKind.ENABLED, "robot enabled")
+        self._timeline.notify(EventKind.ENABLED, "robot enabled")
 
     def disable(self) -> None:
         """Disable it: everything stays where it is, and what is held is held."""

@@ -104,7 +104,10 @@ def test_a_negative_margin_allows_a_depth(
         for distance, pair in zip(distances, checker.pairs.tolist(), strict=True)
     ]
     if np.abs(distances[:, None] - [margin_m, 0.0]).min() > DISTANCE_TOLERANCE_M:
-        assert Touches(checker, margin_m)(full) == any(deep)
+        touches = Touches(checker, margin_m)
+        assert touches(full) == any(deep)
+        assert touches.pairs(full) == np.flatnonzero(deep).tolist()
+        assert not Touches(checker, margin_m, left_out=touches.pairs(full))(full)
 
 
 @settings(max_examples=30)

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from sim.demo.interrupt import Interrupt, interruptible
+from sim.demo import Interrupt, interruptible
 
 
 def press_ctrl_c() -> None:

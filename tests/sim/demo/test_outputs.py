@@ -1,4 +1,4 @@
-"""Outputs are those that were asked for, and whole once they are closed."""
+"""The requested outputs are written, and complete once they are closed."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from sim import (
     load_recording,
     read_log,
 )
-from sim.demo.interrupt import Interrupt
-from sim.demo.narration import Narrator
+from sim.demo import Interrupt
 from sim.demo.options import DemoOptions
-from sim.demo.outputs import StopWatch, outputs
+from sim.demo.outputs import outputs
+from sim.demo.run import InterruptCheck
 
 
 @pytest.fixture
@@ -38,13 +38,13 @@ def recorded(world: World, line: list[str], wait_s: float = 0.1) -> list[type]:
     """The classes of what records, after it has seen some time pass."""
     options = parse(DemoOptions, ["--headless", *line])
     with ExitStack() as cleanup:
-        observers = list(outputs(options, world, Narrator(0), cleanup))
+        observers = list(outputs(options, world, print, cleanup))
         if wait_s:
             Simulation(world, observers).wait(wait_s)
     return [type(observer) for observer in observers]
 
 
-def test_without_a_wish_a_headless_demo_records_nothing(world: World) -> None:
+def test_without_options_a_headless_demo_records_nothing(world: World) -> None:
     assert recorded(world, []) == []
 
 
@@ -85,9 +85,9 @@ def test_where_nothing_happened_there_is_no_recording_and_no_replay(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_stop_watch_ends_a_run_at_the_tick_after_ctrl_c(world: World) -> None:
+def test_a_run_ends_at_the_tick_after_ctrl_c(world: World) -> None:
     interrupt = Interrupt()
-    simulation = Simulation(world, [StopWatch(interrupt)])
+    simulation = Simulation(world, [InterruptCheck(interrupt)])
     simulation.wait(0.1)
     interrupt.is_requested = True
     with pytest.raises(KeyboardInterrupt):

@@ -223,7 +223,7 @@ def test_with_noise_it_tries_again_until_the_block_is_placed(
     assert report["noise"]["position_m"] == 0.003
     assert report["noise"]["retries"] == 5
     assert len(report["cycles"]) > 3  # one entry for each attempt
-    assert "looks again, attempt 2 of 6" in said
+    assert "tries again, attempt 2 of 6" in said
     events = [event["kind"] for event in report["events"]]
     assert events.count("missed") == len(report["cycles"]) - 3
     assert abs(report["block"]["final_m"][2] + 0.130) <= ON_TABLE_WITHIN_M

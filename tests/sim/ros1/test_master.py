@@ -33,7 +33,7 @@ VALUES: Any = st.recursive(
 )
 
 
-def test_what_is_registered_is_told(master_uri: str) -> None:
+def test_registrations_are_returned(master_uri: str) -> None:
     assert asked(master_uri, "registerPublisher", "/m/t", TEXT, NOWHERE) == []
     assert asked(master_uri, "registerSubscriber", "/m/t", TEXT, NOWHERE) == [NOWHERE]
     assert asked(master_uri, "registerPublisher", "/m/t", TEXT, NOWHERE) == [NOWHERE]
@@ -65,7 +65,7 @@ def test_what_is_registered_is_told(master_uri: str) -> None:
         ("searchParam", ("none",)),
     ],
 )
-def test_what_is_not_there_is_refused(master_uri: str, method: str, args: tuple[str, ...]) -> None:
+def test_unknown_names_are_refused(master_uri: str, method: str, args: tuple[str, ...]) -> None:
     with pytest.raises(RosError, match=f"the master refused {method}"):
         asked(master_uri, method, *args)
 
@@ -115,7 +115,7 @@ def test_everything_may_be_set_and_removed_at_once() -> None:
     assert parameters.names() == []
 
 
-def test_who_asked_is_told_of_a_parameter_that_changes() -> None:
+def test_subscribers_of_a_parameter_are_notified() -> None:
     told: list[tuple[Any, ...]] = []
 
     def param_update(*args: Any) -> tuple[int, str, int]:
@@ -133,7 +133,7 @@ def test_who_asked_is_told_of_a_parameter_that_changes() -> None:
         assert asked(master.uri, "unsubscribeParam", uri, "/rate") == 0
 
 
-def test_a_service_is_taken_over_by_the_last_who_offers_it(
+def test_a_service_belongs_to_the_last_node_that_registers_it(
     own_master: str, make_node: MakeNode
 ) -> None:
     def answer(_: Any) -> Any:
@@ -147,7 +147,7 @@ def test_a_service_is_taken_over_by_the_last_who_offers_it(
     assert first.providers_of("/s") == ("/second",)
 
 
-def test_a_node_that_does_not_answer_delays_nobody(
+def test_a_node_that_does_not_answer_delays_no_other(
     own_master: str, make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 1000.0)
@@ -160,21 +160,21 @@ def test_a_node_that_does_not_answer_delays_nobody(
         until(lambda: subscriber.writers)
 
 
-def test_wrong_calls_are_answered_with_words(own_master: str) -> None:
+def test_wrong_calls_get_a_reason(own_master: str) -> None:
     with pytest.raises(RosError, match="there is no method 'launch'"):
         asked(own_master, "launch")
     with pytest.raises(RosError, match=r"registerPublisher: .*missing 3 required"):
         asked(own_master, "registerPublisher")
 
 
-def test_it_listens_on_its_address_alone() -> None:
+def test_it_listens_on_its_address_only() -> None:
     before = own_sockets()
     with Master(port=0):
         assert listening_addresses(own_sockets() - before) == {"0100007F"}
     until(lambda: own_sockets() == before)
 
 
-def test_a_port_that_is_taken_is_told() -> None:
+def test_a_port_that_is_in_use_is_an_error() -> None:
     with Master(port=0) as master:
         port = int(master.uri.rstrip("/").rpartition(":")[2])
         with pytest.raises(RosConnectionError, match=rf"cannot listen on 127\.0\.0\.1:{port}"):
@@ -182,7 +182,7 @@ def test_a_port_that_is_taken_is_told() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_its_process_says_where_it_is_and_ends_when_it_is_told(number: signal.Signals) -> None:
+def test_its_process_prints_its_uri_and_ends_on_a_signal(number: signal.Signals) -> None:
     command = [sys.executable, "-m", "sim.ros1.master", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -60,7 +60,7 @@ def test_messages_arrive_once_and_in_order(
     assert [each.message.data for each in received] == [str(number) for number in range(300)]
 
 
-def test_a_reader_that_never_reads_costs_no_memory_and_gets_the_newest(node: Node) -> None:
+def test_a_subscriber_that_never_reads_costs_no_memory_and_gets_the_newest(node: Node) -> None:
     publisher = node.advertise("/t", TEXT.name)
     sock, _ = greeted(topic_place(node, "/t"), READER)
     with sock:
@@ -99,7 +99,7 @@ def test_one_reader_does_not_delay_another(
             until(lambda number=number: len(received) > number)  # type: ignore[misc]
 
 
-def test_nothing_is_made_or_serialised_when_nobody_listens(node: Node) -> None:
+def test_nothing_is_made_or_serialised_without_subscribers(node: Node) -> None:
     publisher = node.advertise("/t", TEXT.name)
     publisher.send(nonsense=3)
     publisher.publish("not even a message")
@@ -112,7 +112,7 @@ def test_nothing_is_made_or_serialised_when_nobody_listens(node: Node) -> None:
             publisher.publish("not even a message")
 
 
-def test_readers_are_told_type_sum_and_definition(node: Node) -> None:
+def test_subscribers_get_type_sum_and_definition(node: Node) -> None:
     node.advertise("/t", TEXT.name, latch=True)
     sock, answer = greeted(topic_place(node, "/t"), READER | {"md5sum": "*", "type": "*"})
     sock.close()
@@ -138,7 +138,7 @@ def test_another_sum_is_refused_with_both(node: Node, caplog: pytest.LogCaptureF
     assert "refused /raw at 127.0.0.1:" in caplog.text
 
 
-def test_a_publisher_of_another_type_is_told_in_the_log(
+def test_a_publisher_of_another_type_is_logged(
     own_master: str, node: Node, make_node: MakeNode, caplog: pytest.LogCaptureFixture
 ) -> None:
     node.advertise("/t", "std_msgs/Bool")
@@ -159,7 +159,7 @@ def test_a_publisher_of_another_type_is_told_in_the_log(
     ],
     ids=["too long", "cut off", "no field", "no UTF-8", "neither topic nor service", "HTTP"],
 )
-def test_malformed_peers_are_sent_away_and_counted(
+def test_malformed_peers_are_disconnected_and_counted(
     node: Node, data: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     publisher = node.advertise("/t", TEXT.name)
@@ -174,7 +174,7 @@ def test_malformed_peers_are_sent_away_and_counted(
     assert publisher.topic == "/t"
 
 
-def test_a_reader_that_sends_is_sent_away(node: Node) -> None:
+def test_a_subscriber_that_sends_is_disconnected(node: Node) -> None:
     node.advertise("/t", TEXT.name)
     sock, _ = greeted(topic_place(node, "/t"), READER)
     with sock:
@@ -203,7 +203,7 @@ def test_silence_after_the_handshake_is_fine(node: Node, monkeypatch: pytest.Mon
         assert frame_of(sock)[4:] == b"still there"
 
 
-def test_a_fault_in_a_callback_is_told_and_the_next_message_comes(
+def test_an_error_in_a_callback_is_logged_and_the_next_message_comes(
     own_master: str, node: Node, make_node: MakeNode, caplog: pytest.LogCaptureFixture
 ) -> None:
     received: list[str] = []
@@ -224,7 +224,7 @@ def test_a_fault_in_a_callback_is_told_and_the_next_message_comes(
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_a_publisher_that_ends_is_no_reason_to_complain(
+def test_a_publisher_that_ends_is_not_logged(
     own_master: str, make_node: MakeNode, caplog: pytest.LogCaptureFixture
 ) -> None:
     reader = make_node("/reader", own_master)
@@ -237,7 +237,7 @@ def test_a_publisher_that_ends_is_no_reason_to_complain(
     assert caplog.messages == []
 
 
-def test_a_publisher_that_is_registered_and_not_there_is_told_after_a_while(
+def test_a_registered_publisher_that_does_not_exist_is_logged_after_a_while(
     own_master: str,
     node: Node,
     monkeypatch: pytest.MonkeyPatch,
@@ -281,7 +281,7 @@ def test_one_of_two_subscribers_may_end_alone(
     until(lambda: received)
 
 
-def test_a_master_that_is_restarted_learns_of_us_again(
+def test_a_node_registers_again_at_a_restarted_master(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(registration, "CHECK_S", 0.05)
@@ -320,7 +320,7 @@ def test_the_master_is_reached_from_the_address_that_is_listened_on(
         assert node.uri.startswith("http://127.0.0.1:")
 
 
-def test_no_master_is_told_and_nothing_is_left() -> None:
+def test_a_missing_master_is_an_error_and_leaves_nothing() -> None:
     before = own_sockets()
     port = free_port()
     with pytest.raises(RosConnectionError, match=f"cannot reach the master at 127.0.0.1:{port}"):
@@ -328,13 +328,13 @@ def test_no_master_is_told_and_nothing_is_left() -> None:
     assert own_sockets() == before
 
 
-def test_a_name_that_does_not_resolve_is_told_with_the_remedy(own_master: str) -> None:
+def test_an_own_name_that_does_not_resolve_is_an_error_with_a_remedy(own_master: str) -> None:
     with pytest.raises(RosConnectionError, match="set ROS_IP to an address of this") as caught:
         Node("/ours", master_uri=own_master, host="011412p0003.invalid")
     assert caught.value.host == "011412p0003.invalid"
 
 
-def test_a_publisher_whose_name_does_not_resolve_is_told_with_node_and_remedy(
+def test_a_publisher_whose_name_does_not_resolve_is_logged_with_a_remedy(
     own_master: str, node: Node, caplog: pytest.LogCaptureFixture
 ) -> None:
     """As a Baxter that calls itself <serial>.local."""
@@ -345,7 +345,7 @@ def test_a_publisher_whose_name_does_not_resolve_is_told_with_node_and_remedy(
     assert "add a line with its IP address and 011412p0003.invalid to /etc/hosts" in caplog.text
 
 
-def test_what_a_node_offers_twice_is_refused(node: Node) -> None:
+def test_a_second_publisher_or_service_of_a_name_is_refused(node: Node) -> None:
     node.advertise("/t", TEXT.name)
     with pytest.raises(RosError, match="/ours publishes /t already"):
         node.advertise("t", TEXT.name)
@@ -357,7 +357,7 @@ def test_what_a_node_offers_twice_is_refused(node: Node) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "/", "with space", "/a//b", "ü", "3a", 7])
-def test_names_that_are_none_are_refused(own_master: str, node: Node, name: str) -> None:
+def test_malformed_names_are_refused(own_master: str, node: Node, name: str) -> None:
     with pytest.raises(RosMessageError, match="name"):
         Node(name, master_uri=own_master)
     with pytest.raises(RosMessageError, match="name"):
@@ -387,7 +387,7 @@ def test_malformed_requests_are_answered_with_an_error(node: Node) -> None:
     assert node.counts.malformed == 1
 
 
-def test_words_go_to_rosout(own_master: str, node: Node, make_node: MakeNode) -> None:
+def test_log_lines_go_to_rosout(own_master: str, node: Node, make_node: MakeNode) -> None:
     received: list[Message] = []
     make_node("/reader", own_master).subscribe("/rosout", "rosgraph_msgs/Log", received.append)
     until(lambda: "/reader" in node._log.readers)

@@ -58,7 +58,7 @@ def test_we_read_what_rospy_publishes(master_uri: str, peer: Peer, make_node: Ma
     assert before_s <= received[0].time_s <= time.monotonic()
 
 
-def test_latched_messages_reach_who_comes_later_both_ways(
+def test_latched_messages_reach_later_subscribers_both_ways(
     master_uri: str, peer: Peer, make_node: MakeNode
 ) -> None:
     node = make_node("/ours", master_uri)
@@ -94,7 +94,7 @@ def test_rospy_calls_our_service_once_and_over_a_connection_that_stays(
     assert asked == 4 * ["block"]
 
 
-def test_rospy_is_told_why_our_service_refuses(
+def test_rospy_gets_the_reason_why_our_service_refuses(
     master_uri: str, peer: Peer, make_node: MakeNode
 ) -> None:
     node = make_node("/ours", master_uri)
@@ -167,7 +167,9 @@ def test_parameters_are_shared(master_uri: str, peer: Peer, make_node: MakeNode)
     assert not node.has_parameter("/theirs/value")
 
 
-def test_the_master_knows_who_is_there(master_uri: str, peer: Peer, make_node: MakeNode) -> None:
+def test_the_master_knows_publishers_and_subscribers(
+    master_uri: str, peer: Peer, make_node: MakeNode
+) -> None:
     node = make_node("/ours", master_uri)
     publisher = node.advertise("/there", TEXT.name)
     peer.ask("subscribe", "/there", TEXT.name)

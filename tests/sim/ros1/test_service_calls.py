@@ -39,7 +39,7 @@ def test_services_answer_refuse_and_fail_with_words(node: Node) -> None:
     assert node.counts.faults == 1
 
 
-def test_a_service_that_is_slow_or_missing_is_told(node: Node) -> None:
+def test_a_slow_or_missing_service_is_an_error(node: Node) -> None:
     done = threading.Event()
 
     def handle(_: Message) -> Message:

@@ -1,4 +1,4 @@
-"""Raw sockets that speak to our node as tests please."""
+"""Raw sockets that talk to our node."""
 
 from __future__ import annotations
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -67,17 +65,12 @@ def test_a_pushed_body_goes_with_the_finger_from_touch_to_stop(
     )
 
 
-@pytest.mark.parametrize("finger_m", [np.nan, np.inf, None, "closed"])
-def test_a_push_at_no_finger_position_is_refused(finger_m: Any) -> None:
+def test_a_push_needs_a_position_and_an_axis() -> None:
     push = Push("b", "left", "left finger", 0.02, 0.01, AXIS, T_BEGIN)
     with pytest.raises(SimulationError, match="finger position"):
-        push.pose(finger_m)
-
-
-@pytest.mark.parametrize("axis", [np.zeros(2), np.full(3, np.nan), "y"], ids=str)
-def test_a_push_along_no_axis_is_refused(axis: Any) -> None:
+        push.pose(np.nan)
     with pytest.raises(SimulationError, match="axis_base"):
-        Push("b", "left", "left finger", 0.02, 0.01, axis, T_BEGIN)
+        Push("b", "left", "left finger", 0.02, 0.01, np.zeros(2), T_BEGIN)
 
 
 def test_fingers_that_meet_nothing_close_fully(world: World) -> None:

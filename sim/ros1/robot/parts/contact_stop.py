@@ -12,7 +12,7 @@ import numpy as np
 
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
-from sim.grip_steps import GripEvents
+from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch
 
 SAME_STOP_STEPS = 100
@@ -26,7 +26,7 @@ class ContactStop:
         is_stopped: whether joints were kept where they are when the arm was moved last.
     """
 
-    def __init__(self, side: str, watch: ContactWatch, events: GripEvents) -> None:
+    def __init__(self, side: str, watch: ContactWatch, events: Timeline) -> None:
         """Watch an arm.
 
         Args:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.fields import evolve
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
-from sim.grip_steps import GripEvents
+from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch
 from sim.world.falling import Rest
 from sim.world.gripper import Closing, Gripper
@@ -43,7 +43,7 @@ class Fingers(OneLine):
     """
 
     def __init__(
-        self, world: World, side: str, gripper: Gripper, events: GripEvents, watch: ContactWatch
+        self, world: World, side: str, gripper: Gripper, events: Timeline, watch: ContactWatch
     ) -> None:
         """The fingers of a hand in a world.
 

@@ -53,7 +53,7 @@ def test_the_master_is_the_one_given_or_set_or_the_usual(monkeypatch: pytest.Mon
     "uri",
     ["", "baxter:11311", "http://baxter", "http://:1", "http://b:70000", "ftp://b:1", "http://[:1"],
 )
-def test_addresses_that_are_none_are_refused(uri: str) -> None:
+def test_malformed_addresses_are_refused(uri: str) -> None:
     with pytest.raises(RosMessageError, match="not an address such as"):
         parse_uri(uri)
 
@@ -62,7 +62,7 @@ def test_places_of_services_are_read() -> None:
     assert parse_uri("rosrpc://127.0.0.1:33") == Address("127.0.0.1", 33)
 
 
-def test_a_master_whose_name_is_unknown_is_told() -> None:
+def test_a_master_whose_name_does_not_resolve_is_an_error() -> None:
     with pytest.raises(RosConnectionError, match=r"the master calls itself .no-such\.invalid"):
         find_local_host("http://no-such.invalid:11311")
 
@@ -84,7 +84,7 @@ def test_names_are_made_full(name: str, full: str) -> None:
 @pytest.mark.parametrize(
     "name", ["", "/", "~", "~/a", "a b", "/a//b", "/a/", "ä", "1a", "a~b", "a\n"]
 )
-def test_what_is_no_name_is_refused(name: str) -> None:
+def test_malformed_names_are_refused(name: str) -> None:
     with pytest.raises(RosMessageError, match="not a name such as"):
         full_name(name, "/node")
 

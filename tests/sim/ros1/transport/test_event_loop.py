@@ -56,7 +56,7 @@ def test_a_failed_background_task_is_counted_and_logged(
     assert loop.run(asyncio.sleep(0.0, "alive")) == "alive"
 
 
-def test_who_waits_for_a_loop_that_is_closed_gets_an_error(loop: EventLoop) -> None:
+def test_a_caller_that_waits_for_a_closed_loop_gets_an_error(loop: EventLoop) -> None:
     reasons: list[str] = []
 
     def wait() -> None:

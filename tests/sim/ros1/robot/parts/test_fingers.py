@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from planner import Body
 from sim import EventKind, Simulation, World
-from sim.grip_steps import GripEvents
 from sim.ros1.robot.parts.electric_gripper import PARAMETERS, ElectricGripper, GripperOrder
 from sim.ros1.robot.parts.fingers import Fingers
 from sim.ros1.robot.parts.joint_order import BadOrderError
@@ -41,9 +40,8 @@ class Bench:
             self.world.spawn(body)
         grippers = {side: Gripper(self.world, side) for side in self.world.hands}
         self.timeline = Timeline(self.world, grippers, [self.witness], TICK_S)
-        events = GripEvents(self.world, grippers, self.timeline)
         watch = ContactWatch(self.world)
-        self.fingers = Fingers(self.world, "left", grippers["left"], events, watch)
+        self.fingers = Fingers(self.world, "left", grippers["left"], self.timeline, watch)
         self.gripper = ElectricGripper(self.fingers)
         self.sequence = 0
 
