@@ -49,7 +49,7 @@ a moment on this machine and a few seconds over a slow line."""
 MAX_ORDER = 100
 """Maximum length of a message from a page, characters."""
 
-_MAX_CLOSING_S = MAX_GOODBYE_S + 3.0
+_MAX_START_S, _MAX_CLOSING_S = 60.0, MAX_GOODBYE_S + 3.0
 _PING_S = 60.0
 """Period at which a browser must show that it is still there, and its time to answer: one that
 draws without a graphics card answers late."""
@@ -114,6 +114,10 @@ class LiveServer(NotCopied):
             port: where to listen on this machine; None for one that is free.
             pacing: what pages can pause and slow down, if it keeps time.
         """
+        files = {
+            "/": ("text/html; charset=utf-8", live_page(TITLE)),
+            "/main.min.js": ("text/javascript; charset=utf-8", viewer_bundle()),
+        }
         self._socket = _listening_socket(port)
         self.url = f"http://{ADDRESS}:{self._socket.getsockname()[1]}/"
         self._pacing, self._is_closed, self._has_news = pacing, False, False
@@ -121,10 +125,6 @@ class LiveServer(NotCopied):
         self._scene = LatestMessages(keeps_deletions=False)
         self._browsers: dict[_Browser, LatestMessages] = {}
         self._publish_clock()
-        files = {
-            "/": ("text/html; charset=utf-8", live_page(TITLE)),
-            "/main.min.js": ("text/javascript; charset=utf-8", viewer_bundle()),
-        }
         self._application = Application(
             [
                 (r"/scene", _Browser, {"server": self}),
@@ -140,7 +140,7 @@ class LiveServer(NotCopied):
             target=lambda: asyncio.run(self._serve(started)), name="baxter-viewer", daemon=True
         )
         self._thread.start()
-        self._loop = started.result()
+        self._loop = started.result(_MAX_START_S)
 
     @property
     def is_closed(self) -> bool:
