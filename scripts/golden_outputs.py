@@ -51,9 +51,9 @@ from planner import Manipulator, Plan, Response, verify
 from planner.pick_place.tracking import prove_tracking
 from planner.plan import Move
 from sim import Recorder, Recording, Simulation, World
-from sim.ros1.execution.guard.stages import MoveStage, NotClearError, guarded
-from sim.ros1.execution.stream.set_points import Pace, motions_of
-from sim.view import replay_content
+from sim.ros1.execution.guard import NotClearError, clearances_of
+from sim.ros1.execution.set_points import Pace, motions_of
+from sim.view.replay import replay_content
 
 SEED = 34
 FAMILIES = ("plain", "obstacles", "odd bodies", "bins", "margins", "rods")
@@ -159,10 +159,9 @@ def _guard(family: str, number: int) -> Any:
     if not plan.is_valid:
         return None
     try:
-        stages = guarded(plan, manipulator)
+        return clearances_of(plan, manipulator)
     except NotClearError as refusal:
         return str(refusal)
-    return [stage.rooms for stage in stages if isinstance(stage, MoveStage)]
 
 
 def _tracking(family: str, number: int) -> Any:
@@ -217,8 +216,7 @@ def _replay(family: str, number: int) -> Any:
     if recording is None:
         return None
     _, manipulator = _planned(family, number)
-    measured = replay_content._measured(recording, manipulator.robot, None)
-    content = replay_content._content(recording, manipulator.robot, None, None, measured)
+    content = replay_content(recording, manipulator.robot)
     drawn = {name: content.pop(name) for name in ("geometries", "commands")}
     text = json.dumps(_plain(drawn), sort_keys=True, default=str)
     return {**content, "drawn": hashlib.sha256(text.encode()).hexdigest()}

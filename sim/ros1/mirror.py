@@ -7,7 +7,6 @@ and 143 stopped by Ctrl-C and by SIGTERM.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -33,7 +32,7 @@ from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, FileOptions, Terminal, f
 if TYPE_CHECKING:
     from baxter_kin import Baxter
     from sim import Observer
-    from sim.ros1.execution.link.baxter_link import BaxterLink
+    from sim.ros1.execution.link import BaxterLink
     from sim.ros1.execution.twin import Twin
 
 TERMINAL = Terminal("baxter-mirror")
@@ -99,7 +98,7 @@ def _mirrored(options: MirrorOptions) -> int:
     from planner import Scene  # noqa: PLC0415
     from planner.state import State  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
-    from sim.ros1.execution.link.baxter_link import JOINT_STATES, BaxterLink  # noqa: PLC0415
+    from sim.ros1.execution.link import JOINT_STATES, BaxterLink  # noqa: PLC0415
     from sim.ros1.execution.twin import Twin  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
@@ -132,16 +131,11 @@ def _observers(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> list[
 
 def _view(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> Observer:
     """The live view, opened in a browser where there is one."""
-    from sim.view.live.in_browser import can_open, open_page, where_to_look  # noqa: PLC0415
     from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
 
     viewer = stack.enter_context(Viewer(robot, port=options.port, keeps_time=False))
-    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
-    for line in where_to_look(viewer.url, os.environ, is_opened, 0.0):
-        TERMINAL.say(line)
+    viewer.present(TERMINAL.say, may_open=not options.no_browser)
     TERMINAL.say("Ctrl-C ends it")
-    if is_opened:
-        open_page(viewer.url)
     return viewer
 
 
@@ -156,7 +150,7 @@ def _follow(link: BaxterLink, twin: Twin, duration_s: float | None) -> None:
         if now_s - link.joints.latest_s > LOST_S:
             raise RosError(f"no joint states for {LOST_S:g} s: the robot is gone")
         caption = "" if link.robot is None else link.robot.text
-        twin.see(now_s - begin_s, link.joints.positions(), link.gripper_states(), caption)
+        twin.update(now_s - begin_s, link.joints.positions(), link.gripper_states(), caption)
         time.sleep(max(0.0, now_s + FRAME_S - time.monotonic()))
 
 

@@ -47,7 +47,7 @@ def test_closed_files_hold_all_that_was_shown(
     assert len(read_recording(path, robot).recording.times_s) == 21
 
 
-def test_every_output_that_is_asked_for_is_made_the_csv_first(world: World, tmp_path: Path) -> None:
+def test_every_output_that_is_requested_is_made_the_csv_first(world: World, tmp_path: Path) -> None:
     paths = {kind: str(tmp_path / f"run.{kind}") for kind in ("csv", "mcap", "html")}
     line = ["--html", paths["html"], "--record", paths["mcap"], "--csv", paths["csv"]]
     assert recorded(world, line) == [Recorder, Recorder, Recorder]
