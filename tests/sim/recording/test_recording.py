@@ -133,9 +133,9 @@ def test_a_recorder_that_hears_it_makes_the_same_recording(
 def test_it_is_told_in_order_of_time_and_events_first(picked: Recording) -> None:
     witness = Witness()
     retell(picked, witness)
-    times = [item.time_s for item in witness.told]
+    times = [item.time_s for item in witness.received]
     assert times == sorted(times)
-    assert isinstance(witness.told[0], Event)
+    assert isinstance(witness.received[0], Event)
     assert len(times) == len(picked.times_s) + len(picked.events)
 
 
@@ -146,7 +146,7 @@ def test_moves_are_told_with_their_trajectories_also_of_old_files(
     save_recording(evolve(picked, events=events), tmp_path / "run.mcap")
     witness = Witness()
     retell(read_recording(tmp_path / "run.mcap").recording, witness)
-    begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
+    begun = [i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
     moves = [event.move for event in begun if event.move is not None]
     durations = [move.trajectory.duration for move in moves]
     assert durations == [move.trajectory.duration for move in picked.moves]
@@ -157,7 +157,7 @@ def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None
     events = tuple(evolve(event, move=None, text="") for event in picked.events)
     witness = Witness()
     retell(evolve(picked, events=events), witness)
-    begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
+    begun = [i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
     trajectories = [event.move.trajectory for event in begun if event.move is not None]
     assert trajectories == [move.trajectory for move in picked.moves]
 
@@ -165,7 +165,7 @@ def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None
 def test_grippers_and_bodies_are_told(picked: Recording) -> None:
     witness = Witness()
     retell(picked, witness)
-    shots = [item for item in witness.told if isinstance(item, Snapshot)]
+    shots = [item for item in witness.received if isinstance(item, Snapshot)]
     assert set(shots[0].T_base_bodies) == {"table"}
     assert set(shots[100].T_base_bodies) == {"table", "block"}
     percents = np.array([shot.grippers["left"].percent for shot in shots])
