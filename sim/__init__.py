@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from sim.recording.record_file import save_recording as save_recording
     from sim.recording.recorder import Recorder as Recorder
     from sim.recording.recording import Recording as Recording
-    from sim.recording.recording import retell as retell
+    from sim.recording.recording import play_back as play_back
     from sim.recording.rsdk_csv import write_csv as write_csv
     from sim.simulation import Simulation as Simulation
     from sim.view.live.tip_target import TipTarget as TipTarget
@@ -66,9 +66,9 @@ __all__, __getattr__ = lazy(
         "Viewer": "sim.view.live.viewer",
         "Workbench": "sim.workbench.workbench",
         "World": "sim.world.world",
+        "play_back": "sim.recording.recording",
         "plot_recording": "sim.recording.plot",
         "read_recording": "sim.recording.record_file",
-        "retell": "sim.recording.recording",
         "save_recording": "sim.recording.record_file",
         "write_csv": "sim.recording.rsdk_csv",
         "write_replay": "sim.view.replay",

@@ -423,7 +423,7 @@ class _Lasting:
             def on_snapshot(self, snapshot: s.Snapshot) -> None:
                 seen.append(snapshot)
 
-        s.retell(self.Recording, Eye())
+        s.play_back(self.Recording, Eye())
         return seen[-1]
 
     @cached_property

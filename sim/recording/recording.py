@@ -286,7 +286,7 @@ def _events_with_moves(events: Sequence[Event], moves: Sequence[RecordedMove]) -
         yield event if began is None or event.move else evolve(event, move=began.move)
 
 
-def retell(recording: Recording, observer: Observer) -> None:
+def play_back(recording: Recording, observer: Observer) -> None:
     """Report every event and snapshot of a recording to an observer, in order of time.
 
     Events come before the snapshot of the same time. A recording does not state whether a gripper

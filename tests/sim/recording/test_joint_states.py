@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
-from sim import Recorder, Recording, plot_recording, read_recording, retell
+from sim import Recorder, Recording, play_back, plot_recording, read_recording
 from sim.errors import RecordingError
 from sim.recording import NotedRecording
 from sim.recording.joint_states import MAX_LATENESS_S, MAX_SPEED_RAD_S, SPEED_FACTOR
@@ -311,12 +311,12 @@ class TestTucked:
             in notes
         )
 
-    def test_it_can_be_shown_retold_written_and_drawn(
+    def test_it_can_be_shown_played_back_written_and_drawn(
         self, robot: Baxter, path: Path, q: Table
     ) -> None:
         found = read_recording(written(path, 0.01 * np.arange(5), q), robot).recording
         with Recorder(robot, path.with_suffix(".mcap")) as recorder:
-            retell(found, recorder)
+            play_back(found, recorder)
         np.testing.assert_array_equal(recorder.recording().q, found.q)
         write_replay(path.with_suffix(".html"), found, robot)
         plot_recording(found)

@@ -23,8 +23,8 @@ from sim import (
     Simulation,
     Snapshot,
     World,
+    play_back,
     read_recording,
-    retell,
     save_recording,
 )
 from sim.errors import RecordingError
@@ -126,13 +126,13 @@ def test_a_recorder_that_hears_it_makes_the_same_recording(
     robot: Baxter, picked: Recording
 ) -> None:
     recorder = Recorder(robot)
-    retell(picked, recorder)
+    play_back(picked, recorder)
     assert_same(recorder.recording(), picked, POSE)
 
 
 def test_it_is_told_in_order_of_time_and_events_first(picked: Recording) -> None:
     witness = Witness()
-    retell(picked, witness)
+    play_back(picked, witness)
     times = [item.time_s for item in witness.received]
     assert times == sorted(times)
     assert isinstance(witness.received[0], Event)
@@ -145,8 +145,10 @@ def test_moves_are_told_with_their_trajectories_also_of_old_files(
     events = tuple(evolve(event, move=None) for event in picked.events)
     save_recording(evolve(picked, events=events), tmp_path / "run.mcap")
     witness = Witness()
-    retell(read_recording(tmp_path / "run.mcap").recording, witness)
-    begun = [i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
+    play_back(read_recording(tmp_path / "run.mcap").recording, witness)
+    begun = [
+        i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED
+    ]
     moves = [event.move for event in begun if event.move is not None]
     durations = [move.trajectory.duration for move in moves]
     assert durations == [move.trajectory.duration for move in picked.moves]
@@ -156,15 +158,17 @@ def test_moves_are_told_with_their_trajectories_also_of_old_files(
 def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None:
     events = tuple(evolve(event, move=None, text="") for event in picked.events)
     witness = Witness()
-    retell(evolve(picked, events=events), witness)
-    begun = [i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
+    play_back(evolve(picked, events=events), witness)
+    begun = [
+        i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED
+    ]
     trajectories = [event.move.trajectory for event in begun if event.move is not None]
     assert trajectories == [move.trajectory for move in picked.moves]
 
 
 def test_grippers_and_bodies_are_told(picked: Recording) -> None:
     witness = Witness()
-    retell(picked, witness)
+    play_back(picked, witness)
     shots = [item for item in witness.received if isinstance(item, Snapshot)]
     assert set(shots[0].T_base_bodies) == {"table"}
     assert set(shots[100].T_base_bodies) == {"table", "block"}
@@ -182,7 +186,7 @@ def test_bodies_that_were_there_from_the_beginning_are_told_before(
             begun.append(state)
 
     for each in (recording, picked):  # the events of the second one tell of both
-        retell(each, Watch())
+        play_back(each, Watch())
     assert [set(state.scene.bodies) for state in begun] == [{"table"}, set()]
     assert list(begun[0].joints.values()) == recording.q[0].tolist()
 
@@ -190,9 +194,9 @@ def test_bodies_that_were_there_from_the_beginning_are_told_before(
 @pytest.mark.parametrize("bad", [None, "run"])
 def test_nothing_else_can_be_retold(picked: Recording, bad: Any) -> None:
     with pytest.raises(RecordingError, match="observer"):
-        retell(picked, bad)
+        play_back(picked, bad)
     with pytest.raises(RecordingError, match="recording"):
-        retell(bad, Observer())
+        play_back(bad, Observer())
 
 
 def execute(robot: Baxter, observer: SampleObserver, lag_s: float = LAG_S) -> None:
