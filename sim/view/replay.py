@@ -42,7 +42,7 @@ from sim.view.overlays import (
     moving_parts,
     nearest_command,
 )
-from sim.view.panel import recorded_arms, recorded_waypoints
+from sim.view.panel import recorded_arms, waypoints
 from sim.view.scenegraph import RobotTree, body_commands, stage_commands
 from sim.view.tip_path import PathPiece, recorded_paths
 from sim.view.webpage import page
@@ -238,7 +238,7 @@ def replay_content(
         "arms": recorded_arms(recording, robot),
         "clearance": clearance,
         "unmeasured": reason,
-        "waypoints": recorded_waypoints(recording),
+        "waypoints": waypoints(recording.moves, *recording.times_s[[0, -1]].tolist()),
         "layers": layers(
             {
                 "robot": tree.mesh_paths,
