@@ -51,8 +51,8 @@ from planner import Manipulator, Plan, Response, verify
 from planner.pick_place.tracking import prove_tracking
 from planner.plan import Move
 from sim import Recorder, Recording, Simulation, World
-from sim.ros1.execution.guard.stages import MoveStage, NotClearError, guarded
-from sim.ros1.execution.stream.set_points import Pace, motions_of
+from sim.ros1.execution.guard import NotClearError, clearances_of
+from sim.ros1.execution.set_points import Pace, motions_of
 from sim.view.replay import replay_content
 
 SEED = 34
@@ -159,10 +159,9 @@ def _guard(family: str, number: int) -> Any:
     if not plan.is_valid:
         return None
     try:
-        stages = guarded(plan, manipulator)
+        return clearances_of(plan, manipulator)
     except NotClearError as refusal:
         return str(refusal)
-    return [stage.rooms for stage in stages if isinstance(stage, MoveStage)]
 
 
 def _tracking(family: str, number: int) -> Any:

@@ -41,8 +41,7 @@ from planner import (
     verify,
 )
 from sim import CsvRecorder, LogRecorder, McapRecorder, Recorder, Simulation, World
-from sim.ros1.execution.preflight import Finding
-from sim.ros1.execution.ready_plan import Readiness
+from sim.ros1.execution.readiness import Finding, Readiness
 from sim.view.live.viewer import Viewer
 from tests.conftest import at, overhead
 from tests.front_doors import FRONT_DOORS

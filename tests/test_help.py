@@ -20,7 +20,7 @@ from sim.ros1.execute import ExecuteOptions
 from sim.ros1.master import MasterOptions
 from sim.ros1.mirror import MirrorOptions
 from sim.ros1.press import PressOptions
-from sim.ros1.robot.options import RobotOptions
+from sim.ros1.robot.__main__ import RobotOptions
 
 ROOT = Path(__file__).parents[1]
 OPTIONS: dict[str, type] = {

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from sim.ros1.execution.executor import RosExecutor as RosExecutor
-    from sim.ros1.execution.link.baxter_link import BaxterLink as BaxterLink
-    from sim.ros1.execution.ready_plan import ExecutionOptions as ExecutionOptions
-    from sim.ros1.execution.ready_plan import NotReadyError as NotReadyError
+    from sim.ros1.execution.execution import RosExecutor as RosExecutor
+    from sim.ros1.execution.link import BaxterLink as BaxterLink
+    from sim.ros1.execution.readiness import ExecutionOptions as ExecutionOptions
+    from sim.ros1.execution.readiness import NotReadyError as NotReadyError
+    from sim.ros1.execution.set_points import Pace as Pace
     from sim.ros1.execution.stops import StopCause as StopCause
-    from sim.ros1.execution.stream.set_points import Pace as Pace
     from sim.ros1.master import Master as Master
     from sim.ros1.node import Node as Node
-    from sim.ros1.robot.parts.arm_motion import Follow as Follow
-    from sim.ros1.robot.parts.arm_motion import Following as Following
+    from sim.ros1.robot.arm_motion import Follow as Follow
+    from sim.ros1.robot.arm_motion import Following as Following
     from sim.ros1.robot.ros_robot import RosRobot as RosRobot
     from sim.samples import Sample as Sample
     from sim.samples import SampleObserver as SampleObserver
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 __all__, __getattr__ = lazy(
     __name__,
     {
-        "BaxterLink": "sim.ros1.execution.link.baxter_link",
-        "ExecutionOptions": "sim.ros1.execution.ready_plan",
-        "Follow": "sim.ros1.robot.parts.arm_motion",
-        "Following": "sim.ros1.robot.parts.arm_motion",
+        "BaxterLink": "sim.ros1.execution.link",
+        "ExecutionOptions": "sim.ros1.execution.readiness",
+        "Follow": "sim.ros1.robot.arm_motion",
+        "Following": "sim.ros1.robot.arm_motion",
         "Master": "sim.ros1.master",
         "Node": "sim.ros1.node",
-        "NotReadyError": "sim.ros1.execution.ready_plan",
-        "Pace": "sim.ros1.execution.stream.set_points",
-        "RosExecutor": "sim.ros1.execution.executor",
+        "NotReadyError": "sim.ros1.execution.readiness",
+        "Pace": "sim.ros1.execution.set_points",
+        "RosExecutor": "sim.ros1.execution.execution",
         "RosRobot": "sim.ros1.robot.ros_robot",
         "Sample": "sim.samples",
         "SampleObserver": "sim.samples",

@@ -6,7 +6,8 @@ stopped by Ctrl-C and by SIGTERM.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -21,11 +22,10 @@ from baxter_kin.command_line import (
     run_process,
 )
 from baxter_kin.errors import FileError
-from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, signal_status
+from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Signals, Terminal
 
 if TYPE_CHECKING:
-    from sim.ros1.execution.link.baxter_link import BaxterLink
-    from sim.ros1.execution.signals import Signals
+    from sim.ros1.execution.link import BaxterLink
 
 TERMINAL = Terminal("baxter-check")
 
@@ -96,21 +96,49 @@ def run() -> NoReturn:
 
 
 def _checked(options: CheckOptions, signals: Signals) -> int:
-    from sim.ros1.execution.link.baxter_link import BaxterLink  # noqa: PLC0415
-    from sim.ros1.execution.link.report import lines_of  # noqa: PLC0415
-    from sim.ros1.execution.preflight import look_at_robot  # noqa: PLC0415
+    from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
+    from sim.ros1.execution.readiness import check_robot  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
     limbs = options.limbs
     with Node("/baxter_check", takes_over=False) as node, BaxterLink(node) as link:
-        failures = TERMINAL.report(look_at_robot(link, limbs, grips=limbs))
-        for text in lines_of(link, limbs):
+        failures = TERMINAL.report(check_robot(link, limbs, grips=limbs))
+        for text in _lines(link, limbs):
             TERMINAL.say(f"     {text}")
         if options.urdf is not None:
             _save_description(link, options.urdf)
         if not failures and options.identify is not None:
             return _identified(link, options, signals)
         return _verdict(failures)
+
+
+def _lines(link: BaxterLink, limbs: Sequence[str]) -> Iterator[str]:
+    """Publishers of the main topics, the clocks, the joints and the grippers, a line each."""
+    from baxter_kin.kinematics.arm import JOINTS  # noqa: PLC0415
+    from sim.ros1.execution import link as names  # noqa: PLC0415
+
+    states = [names.gripper_topic(limb, "state") for limb in limbs]
+    for topic in (names.JOINT_STATES, names.STATE, *states):
+        yield f"{topic}: {', '.join(link.node.publishers_of(topic)) or 'nobody'}"
+    for limb in limbs:
+        topic = names.command_topic(limb)
+        yield f"{topic}: {', '.join(link.others_of(topic)) or 'nobody'}"
+    offset_s = link.clock_offset_s
+    if offset_s is not None:
+        yield f"clock: the robot's is {1e3 * offset_s:+.0f} ms from this machine's"
+    yield f"simulated by this toolkit: {'yes' if link.is_simulated else 'no'}"
+    for limb in limbs:
+        joints = names.joint_names(limb)
+        reading, report = link.joints.arm(joints), link.gripper(limb)
+        if reading is None:
+            continue
+        positions = zip(JOINTS, reading.q.tolist(), strict=True)
+        rate_hz = link.joints.rate_hz(joints[0], time.monotonic())
+        text = ", ".join(f"{joint} {q:+.3f}" for joint, q in positions)
+        yield f"{limb} arm, {rate_hz:.0f} Hz: {text} rad"
+        if report is not None:
+            state = "calibrated" if report.is_calibrated else "not calibrated"
+            yield f"{limb} gripper: {report.percent:.0f} % open, {state}"
 
 
 def _verdict(failures: int) -> int:
@@ -137,7 +165,8 @@ def _save_description(link: BaxterLink, file: Path) -> None:
 def _identified(link: BaxterLink, options: CheckOptions, signals: Signals) -> int:
     from planner.motion.response import save_response  # noqa: PLC0415
     from sim.errors import SimulationError  # noqa: PLC0415
-    from sim.ros1.execution.identification import Identification  # noqa: PLC0415
+    from sim.ros1.execution.identification import Identification, lines_of  # noqa: PLC0415
+    from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
 
     assert options.identify is not None  # --identify was given
     identification = Identification(link, options.identify)
@@ -145,11 +174,11 @@ def _identified(link: BaxterLink, options: CheckOptions, signals: Signals) -> in
     if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved")
     try:
-        with signals.stopping(identification.stop):
+        with signals.stopping(lambda name: identification.stop(StopCause(name))):
             response = identification.run()
     except SimulationError as error:
-        return TERMINAL.complain(str(error), signal_status(signals, EXIT_FAILED))
-    for line in identification.lines(response):
+        return TERMINAL.complain(str(error), signals.status(EXIT_FAILED))
+    for line in lines_of(response):
         TERMINAL.say(f"     {line}")
     if options.output is not None:
         save_response(response, options.identify, options.output)

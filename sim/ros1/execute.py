@@ -27,17 +27,15 @@ from sim.ros1.terminal import (
     EXIT_STATUS,
     EXIT_USAGE,
     FileOptions,
+    Signals,
     Terminal,
     file_observers,
-    signal_status,
 )
 
 if TYPE_CHECKING:  # --help needs none of them
     from planner import Plan, Response
-    from sim.ros1.execution.execution import MeasuredOutcome
-    from sim.ros1.execution.executor import RosExecutor
-    from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
-    from sim.ros1.execution.signals import Signals
+    from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
+    from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 
 TERMINAL = Terminal("baxter-execute")
 PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
@@ -173,8 +171,8 @@ def _loaded(options: ExecuteOptions, signals: Signals) -> int:
 
 
 def _connected(options: ExecuteOptions, plan: Plan, how: ExecutionOptions, signals: Signals) -> int:
-    from sim.ros1.execution.executor import RosExecutor  # noqa: PLC0415
-    from sim.ros1.execution.link.baxter_link import BaxterLink  # noqa: PLC0415
+    from sim.ros1.execution.execution import RosExecutor  # noqa: PLC0415
+    from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
     with ExitStack() as stack:
@@ -200,18 +198,20 @@ def _connected(options: ExecuteOptions, plan: Plan, how: ExecutionOptions, signa
 def _moved(
     executor: RosExecutor, ready: ReadyPlan, options: ExecuteOptions, signals: Signals
 ) -> int:
-    """Enable, ask, and carry it out."""
+    """Enable, ask, and execute the plan."""
+    from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
+
     executor.enable(ready.plan.limb)
     TERMINAL.say(ready.summary)
     if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved, and the robot stays enabled")
-    with signals.stopping(executor.stop):
+    with signals.stopping(lambda name: executor.stop(StopCause(name))):
         outcome = executor.execute(ready)
     return _ended(outcome, signals)
 
 
 def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
-    median, late, latest = (_ms(each) for each in outcome.lateness_s)
+    median, late, latest = (f"{1e3 * each:.1f}" for each in outcome.lateness_s)
     TERMINAL.say(
         f"{outcome.duration_s:.1f} s; at most {outcome.joint_deviation_rad:.4f} rad off a "
         f"set-point, the tip {1e3 * outcome.tip_deviation_m:.1f} mm off its path"
@@ -224,21 +224,16 @@ def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
         TERMINAL.say("done")
         return 0
     holds = outcome.stop is not None and outcome.stop.cause.holds
-    status = signal_status(signals, EXIT_FAILED)
+    status = signals.status(EXIT_FAILED)
     return TERMINAL.complain(
         outcome.failure + ("; the arm holds where it is" if holds else ""), status
     )
 
 
-def _ms(lateness_s: float) -> str:
-    """Lateness in milliseconds; early counts as 0."""
-    return f"{max(0.0, 1e3 * lateness_s):.1f}"
-
-
 def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOptions:
     from sim.outcome import Dwell  # noqa: PLC0415
-    from sim.ros1.execution.ready_plan import ExecutionOptions  # noqa: PLC0415
-    from sim.ros1.execution.stream.set_points import Pace  # noqa: PLC0415
+    from sim.ros1.execution.readiness import ExecutionOptions  # noqa: PLC0415
+    from sim.ros1.execution.set_points import Pace  # noqa: PLC0415
 
     return ExecutionOptions(
         Pace(options.speed, options.lead_s),

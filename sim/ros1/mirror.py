@@ -32,7 +32,7 @@ from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, FileOptions, Terminal, f
 if TYPE_CHECKING:
     from baxter_kin import Baxter
     from sim import Observer
-    from sim.ros1.execution.link.baxter_link import BaxterLink
+    from sim.ros1.execution.link import BaxterLink
     from sim.ros1.execution.twin import Twin
 
 TERMINAL = Terminal("baxter-mirror")
@@ -98,7 +98,7 @@ def _mirrored(options: MirrorOptions) -> int:
     from planner import Scene  # noqa: PLC0415
     from planner.state import State  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
-    from sim.ros1.execution.link.baxter_link import JOINT_STATES, BaxterLink  # noqa: PLC0415
+    from sim.ros1.execution.link import JOINT_STATES, BaxterLink  # noqa: PLC0415
     from sim.ros1.execution.twin import Twin  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
@@ -150,7 +150,7 @@ def _follow(link: BaxterLink, twin: Twin, duration_s: float | None) -> None:
         if now_s - link.joints.latest_s > LOST_S:
             raise RosError(f"no joint states for {LOST_S:g} s: the robot is gone")
         caption = "" if link.robot is None else link.robot.text
-        twin.see(now_s - begin_s, link.joints.positions(), link.gripper_states(), caption)
+        twin.update(now_s - begin_s, link.joints.positions(), link.gripper_states(), caption)
         time.sleep(max(0.0, now_s + FRAME_S - time.monotonic()))
 
 

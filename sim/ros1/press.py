@@ -15,12 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from baxter_kin.command_line import command, option, parse
-from baxter_kin.command_line import run_process as run
+from baxter_kin.command_line import command, option, parse, run_process
 from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.node import Node
-from sim.ros1.robot.parts.panel import PRESSABLE
-from sim.ros1.robot.topics.inlet import PRESS_TOPIC
+from sim.ros1.robot.panel import PRESSABLE
+from sim.ros1.robot.subscribers import PRESS_TOPIC
 from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, SIMULATED, Terminal
 
 TERMINAL = Terminal("baxter-press")
@@ -80,10 +79,10 @@ def _press(node: Node, text: str) -> bool:
     return True
 
 
-def run_process() -> NoReturn:
-    """Press as a program of its own."""
-    run(main, TERMINAL.name, failed=EXIT_FAILED)
+def run() -> NoReturn:
+    """Run it as a program of its own."""
+    run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
 if __name__ == "__main__":
-    run_process()
+    run()

@@ -1,13 +1,16 @@
-"""The common part of the commands for ROS 1: messages, confirmation, ending, files."""
+"""The common part of the commands for ROS 1: messages, confirmation, signals, files."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from baxter_kin.command_line import (
@@ -23,19 +26,68 @@ from sim.recording.record_file import record_option
 if TYPE_CHECKING:  # --help needs none of them
     from baxter_kin import Baxter
     from sim import Observer
-    from sim.ros1.execution.preflight import Finding
-    from sim.ros1.execution.signals import Signals
+    from sim.ros1.execution.readiness import Finding
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
 
 EXIT_STATUS = "Exit status: {done}; 2 wrong usage; 130 Ctrl-C; 143 SIGTERM."
 """The end of every help text."""
 
-LOGGED = ("baxter_kin", "sim.ros1.execution")
-"""Packages whose log is shown: they announce what takes seconds."""
-
 SIMULATED = "python -m sim.ros1.robot --own-master"
 """The command that starts a simulated Baxter."""
+
+_STATUS = {signal.SIGINT: EXIT_INTERRUPTED, signal.SIGTERM: EXIT_TERMINATED}
+
+
+class Signals:
+    """Handlers of SIGINT and SIGTERM.
+
+    A signal raises KeyboardInterrupt, except the first one inside `stopping`. The handlers are
+    installed whatever was there, as a job that a shell starts with `&` ignores SIGINT.
+
+    Attributes:
+        received: the first signal; None before it.
+    """
+
+    def __init__(self, *, ignores_more: bool = False) -> None:
+        """Handle signals; `ignores_more` ignores all after the first."""
+        self.received: signal.Signals | None = None
+        self._ignores_more = ignores_more
+        self._stop: Callable[[str], object] | None = None
+
+    @contextmanager
+    def installed(self) -> Iterator[Signals]:
+        """Install the handlers inside the block; the former ones are restored at its end."""
+        if threading.current_thread() is not threading.main_thread():
+            yield self  # only the main thread receives signals
+            return
+        former = {number: signal.signal(number, self._handle) for number in _STATUS}
+        try:
+            yield self
+        finally:
+            for number, handler in former.items():
+                signal.signal(number, handler)
+
+    @contextmanager
+    def stopping(self, stop: Callable[[str], object]) -> Iterator[None]:
+        """Inside the block the first signal calls `stop` with its name, such as "SIGINT"."""
+        self._stop = stop
+        try:
+            yield
+        finally:
+            self._stop = None
+
+    def status(self, otherwise: int = EXIT_INTERRUPTED) -> int:
+        """The exit status for the signal that was received, as shells have it."""
+        return otherwise if self.received is None else _STATUS[self.received]
+
+    def _handle(self, number: int, _frame: FrameType | None) -> None:
+        is_first = self.received is None
+        self.received = self.received or signal.Signals(number)
+        if is_first and self._stop is not None:
+            self._stop(self.received.name)
+        elif is_first or not self._ignores_more:
+            raise KeyboardInterrupt
 
 
 class Terminal:
@@ -45,8 +97,24 @@ class Terminal:
         name: of the command, which starts error messages.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(
+        self,
+        name: str,
+        *,
+        advice: str = f". ROS_MASTER_URI says where the master is, and {{is_now}}: for a real "
+        f"Baxter, export ROS_MASTER_URI=http://<its name>.local:11311; for a simulated one, start "
+        f"{SIMULATED}",
+        logged: str = "sim.ros1.execution",
+    ) -> None:
+        """Describe a command.
+
+        Args:
+            name: of the command.
+            advice: appended where the master was not reached.
+            logged: the package whose log is shown, beside `baxter_kin`: it announces what takes
+                seconds.
+        """
+        self.name, self._advice, self._logged = name, advice, ("baxter_kin", logged)
 
     def say(self, text: str) -> None:
         """Print one line."""
@@ -86,43 +154,31 @@ class Terminal:
         print(flush=True)
         return False
 
-    def ended(self, work: Callable[[Signals], int]) -> int:
-        """Run the work of a command; returns its exit status, whatever ends it."""
-        from sim.errors import RosConnectionError  # noqa: PLC0415 - loads every library
-        from sim.ros1.execution.signals import handled  # noqa: PLC0415
+    def ended(self, work: Callable[[Signals], int], *, ignores_more: bool = False) -> int:
+        """Run the work of a command; returns its exit status, whatever ends it.
 
-        with handled() as signals, log_shown(self.say, self.warn, LOGGED):
+        Args:
+            work: given the signals.
+            ignores_more: whether signals after the first are ignored.
+        """
+        from sim.errors import RosConnectionError  # noqa: PLC0415 - loads every library
+
+        signals = Signals(ignores_more=ignores_more)
+        with signals.installed(), log_shown(self.say, self.warn, self._logged):
             try:
                 return work(signals)
-            except RosConnectionError as error:
-                return self.complain(f"{error}{_master_hint(error)}")
             except BaxterError as error:
-                return self.complain(str(error))
+                is_of_master = isinstance(error, RosConnectionError) and error.node == "the master"
+                return self.complain(f"{error}{self._master_advice() if is_of_master else ''}")
             except KeyboardInterrupt:
-                status = signal_status(signals)
+                status = signals.status()
                 by = "SIGTERM" if status == EXIT_TERMINATED else "Ctrl-C"
                 print(f"stopped by {by}", file=sys.stderr, flush=True)
                 return status
 
-
-def signal_status(signals: Signals, otherwise: int = EXIT_INTERRUPTED) -> int:
-    """The exit status for the signal that has come, as shells have it."""
-    from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
-
-    known = {StopCause.SIGINT: EXIT_INTERRUPTED, StopCause.SIGTERM: EXIT_TERMINATED}
-    return otherwise if signals.came is None else known[signals.came]
-
-
-def _master_hint(error: BaxterError) -> str:
-    """Advice where the master was not reached; else empty."""
-    if getattr(error, "node", "") != "the master":
-        return ""
-    uri = os.environ.get("ROS_MASTER_URI")
-    is_now = "it is not set" if not uri else f"it is {uri}"
-    return (
-        f". ROS_MASTER_URI says where the master is, and {is_now}: for a real Baxter, export "
-        f"ROS_MASTER_URI=http://<its name>.local:11311; for a simulated one, start {SIMULATED}"
-    )
+    def _master_advice(self) -> str:
+        uri = os.environ.get("ROS_MASTER_URI")
+        return self._advice.format(is_now=f"it is {uri}" if uri else "it is not set")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

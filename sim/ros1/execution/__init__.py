@@ -1,6 +1,6 @@
-"""Carries out verified plans on a Baxter that speaks ROS 1, real or simulated.
+"""Execution of verified plans on a Baxter that speaks ROS 1, real or simulated.
 
-`preflight` and `readiness` say whether a plan may be carried out, `executor` does it: `link` is
-what is heard and sent, `stream` what is sent when, `guard` what ends it early, and `stops` the
-names of that.
+`link` holds what the robot reports, `readiness` decides whether a plan may be executed, `execution`
+sends it: `set_points` at 100 Hz through the publishers of `channel`. `guard` and `stops` end it
+early; `twin` informs observers. `identification` measures how an arm lags.
 """

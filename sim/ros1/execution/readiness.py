@@ -1,65 +1,376 @@
-"""Readiness: whether a plan may be carried out on a robot as it stands, and what would be sent.
+"""Readiness: whether a plan may be executed on a robot as it stands, and what would be sent.
 
-The plan is judged in the state that the robot reports: its own URDF, the other arm, the head
-and the fingers where they are. Where the arm does not stand at the start of the plan, a move to it
-is planned, proven and put before it. All conditions hold, or nothing is sent.
+`check_robot` checks the robot alone, as `python -m sim.ros1.check` does; `check_plan` checks a plan
+in the state that the robot reports: its own URDF, the other arm, the head and the fingers where
+they are. Where the arm does not stand at the start of the plan, a move to it is planned, proven and
+put before it. All conditions hold, or nothing is sent.
 """
 
 from __future__ import annotations
 
 import logging
+import re
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.display import clear, seconds
+from baxter_kin.display import OneLine, clear, count, phrase, seconds
 from baxter_kin.errors import BaxterError
-from baxter_kin.fields import evolve
+from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import FloatArray, expect
-from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
+from baxter_kin.validation import FloatArray, expect, positive_scalar
+from planner import (
+    Grip,
+    Manipulator,
+    Plan,
+    Response,
+    TrackingProof,
+    plan_start_move,
+    prove_tracking,
+    verify,
+)
 from planner.completion import complete
 from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
 from planner.pick_place.tracking import START_RAD
 from planner.state import State
-from sim.errors import SimulationError
-from sim.ros1.execution.guard.path_guard import KEPT_M
-from sim.ros1.execution.guard.stages import MOST_OFF_RAD, GripStage, MoveStage, Room, guarded
-from sim.ros1.execution.link.baxter_link import BaxterLink
-from sim.ros1.execution.preflight import Finding, look_at_robot
-from sim.ros1.execution.ready_plan import ExecutionOptions, Readiness, ReadyPlan
-from sim.ros1.execution.stream.set_points import (
-    FASTEST_RAD_S,
+from sim.errors import RosError, SimulationError
+from sim.outcome import Dwell
+from sim.ros1.execution.guard import KEPT_M, MAX_OFF_RAD, MoveClearance, clearances_of
+from sim.ros1.execution.link import (
+    ELECTRIC,
+    JOINT_STATES,
+    STATE,
+    BaxterLink,
+    command_topic,
+    joint_names,
+)
+from sim.ros1.execution.set_points import (
+    MAX_SPEED_RAD_S,
+    Pace,
     SentMotion,
-    motions_of,
+    parts_of,
     speed_ratio_for,
     too_fast,
 )
 
+VERSIONS = re.compile(r"1\.2\.\d+")
+"""Versions of the RSDK that have this interface."""
+
+MIN_RATE_HZ = 50.0
+
+LISTEN_S = 1.2
+"""How long joint states are received before their rate is judged."""
+
+FIRST_S = 3.0
+"""A robot that is there has sent its first message by then."""
+
 BEYOND_RAD = 0.02
-"""A joint that is farther off than its response allows by this does not follow as it is said to."""
+"""A joint that is farther off than its response allows by this does not follow as stated."""
 
 CONNECTING = "move to start"
 
 _LOG = logging.getLogger(__name__)
-"""Told what takes seconds, before it begins."""
+"""Announces what takes seconds."""
 
 
-def look_at_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness:
-    """Whether a plan may be carried out on the robot as it stands; nothing is sent."""
+@frozen(error=SimulationError, eq=True)
+class ExecutionOptions:
+    """How a plan is executed.
+
+    Attributes:
+        pace: speed and lead.
+        dwell: minimum duration of closing and opening; a second each, as in the original.
+        timeout_s: of the whole execution; None for none.
+        response: how the arm follows, for the tracking proof; None where it is not known. Its speed
+            and lead are those of the pace.
+        despite_lag: whether a simulated Baxter executes what the tracking proof refuses.
+
+    Raises:
+        SimulationError: when a value has the wrong type, or the time-out is not above zero.
+    """
+
+    pace: Pace = field(factory=Pace)
+    dwell: Dwell = field(factory=lambda: Dwell(1.0, 1.0))
+    timeout_s: float | None = None
+    response: Response | None = None
+    despite_lag: bool = False
+
+    def __attrs_post_init__(self) -> None:
+        if self.timeout_s is not None:
+            positive_scalar(self.timeout_s, "timeout_s", SimulationError)
+
+    @property
+    def sent_response(self) -> Response | None:
+        """The response at the speed and lead of the pace; None where it is not known."""
+        if self.response is None:
+            return None
+        return evolve(self.response, speed=self.pace.speed, lead_s=self.pace.lead_s)
+
+    @property
+    def rest_s(self) -> float:
+        """Minimum time that a motion's last set-point stands; the tracking proof assumes it."""
+        return (self.sent_response or Response((0.0, 0.0), speed=self.pace.speed)).rest_s
+
+
+@frozen(error=SimulationError, eq=True)
+class Finding:
+    """One condition, and whether it holds.
+
+    Attributes:
+        name: of the condition, such as "joint states".
+        is_ok: whether it holds.
+        text: what was found; where it does not hold, what to do.
+    """
+
+    name: str
+    is_ok: bool
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.text}"
+
+    def _facts(self) -> tuple[str, ...]:
+        return "ok" if self.is_ok else "not ok", phrase(self.name), self.text
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ReadyPlan(OneLine):
+    """A plan that may be executed now.
+
+    Attributes:
+        plan: complete, with the move to its start where one is needed.
+        options: how it is executed, as it was checked.
+        manipulator: the arm of the robot as it describes itself.
+        clearances: of each move.
+        duration_s: how long the arm moves, as it is sent.
+        peaks: greatest speeds that are sent, shape (7,), rad/s.
+        ratio: the speed ratio that the robot is given.
+    """
+
+    plan: Plan
+    options: ExecutionOptions
+    manipulator: Manipulator
+    clearances: tuple[MoveClearance, ...]
+    duration_s: float
+    peaks: FloatArray
+    ratio: float
+
+    @property
+    def robot(self) -> Baxter:
+        """The robot as it describes itself."""
+        return self.manipulator.robot
+
+    @property
+    def summary(self) -> str:
+        """Duration, peak speed and ratio in one line."""
+        worst = int(self.peaks.argmax())
+        return (
+            f"{self.plan.limb} arm, {count(len(self.plan.moves), 'move')}, "
+            f"{seconds(self.duration_s)} of motion, up to {self.peaks[worst]:.2f} rad/s "
+            f"({JOINTS[worst]}), speed ratio {self.ratio:.2f}"
+        )
+
+    def guarded(self) -> Iterator[str]:
+        """What each move is clear of, and what is excluded from that, a sentence each."""
+        for each in self.clearances:
+            text = f"{each.label}: {clear(min(each.clear_m))}"
+            if each.intended is not None:
+                text += f"; not guarded, as it is meant: {each.intended.text}"
+            yield text
+
+    def _facts(self) -> tuple[str, ...]:
+        return (self.summary,)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Readiness(OneLine):
+    """What was found before anything is sent.
+
+    Attributes:
+        findings: all conditions that were checked, in order.
+        ready: what would be sent; None where a condition does not hold.
+    """
+
+    findings: tuple[Finding, ...]
+    ready: ReadyPlan | None
+
+    @property
+    def failures(self) -> tuple[Finding, ...]:
+        """The conditions that do not hold."""
+        return tuple(finding for finding in self.findings if not finding.is_ok)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (count(len(self.findings), "finding"), f"{len(self.failures)} not ok")
+
+
+class NotReadyError(SimulationError):
+    """A plan was not executed, as a condition does not hold; nothing was sent.
+
+    Attributes:
+        readiness: what was found.
+    """
+
+    def __init__(self, readiness: Readiness) -> None:
+        self.readiness = readiness
+        super().__init__("; ".join(map(str, readiness.failures)))
+
+
+# The robot
+
+
+def check_robot(
+    link: BaxterLink, limbs: Sequence[str] = LIMBS, *, grips: Sequence[str] = LIMBS
+) -> tuple[Finding, ...]:
+    """Listen to a robot for a moment and check all conditions; nothing is sent.
+
+    Args:
+        link: to the robot.
+        limbs: the arms that are to be driven.
+        grips: those whose grippers are to act.
+    """
+    _LOG.info("listening to the robot of %s", link.node.master_uri)
+    link.wait_until(lambda: link.robot is not None, FIRST_S)
+    names = [name for limb in limbs for name in joint_names(limb)]
+    if link.wait_until(lambda: not link.joints.missing(names), FIRST_S):
+        time.sleep(LISTEN_S)
+    return (
+        _version(link),
+        *_state(link),
+        *_joints(link, names),
+        *(_commanders(link, limb) for limb in limbs),
+        *(_gripper(link, limb) for limb in grips),
+    )
+
+
+def _version(link: BaxterLink) -> Finding:
+    version = link.version
+    if version is None:
+        return Finding("version", False, "the parameter /rethink/software_version is missing")
+    is_ok = VERSIONS.match(version) is not None
+    return Finding("version", is_ok, version if is_ok else f"{version}; 1.2.x is spoken here")
+
+
+def _state(link: BaxterLink) -> Iterator[Finding]:
+    publishers = link.node.publishers_of(STATE)
+    text = ", ".join(publishers) or "nobody"
+    is_one = len(publishers) == 1
+    advice = "" if is_one else f"; exactly one must publish {STATE}: end the others"
+    yield Finding("state publisher", is_one, f"{text}{advice}")
+    report = link.robot
+    if report is None:
+        yield Finding("state", False, f"nothing was received on {STATE} within {FIRST_S:g} s")
+    elif report.is_stopped:
+        button = "its emergency stop is pressed" if report.is_estop_pressed else "it was stopped"
+        yield Finding("state", False, f"{button}; release and reset it by hand")
+    elif report.has_error:
+        yield Finding("state", False, "the robot reports an error; look at its display and log")
+    else:
+        yield Finding("state", True, "enabled" if report.is_enabled else "ready, not enabled yet")
+
+
+def _joints(link: BaxterLink, names: Sequence[str]) -> Iterator[Finding]:
+    missing, now_s = link.joints.missing(names), time.monotonic()
+    if missing:
+        text = f"nothing was received of {', '.join(missing)} on {JOINT_STATES}"
+        yield Finding("joint states", False, text)
+        return
+    senders = {name: link.joints.senders(name, now_s) for name in names}
+    doubled = next((name for name in names if len(senders[name]) != 1), None)
+    if doubled is not None:
+        who = " and ".join(sorted(senders[doubled])) or "nobody any more"
+        yield Finding("joint states", False, f"{doubled} is published by {who}; end all but one")
+    rates = {name: link.joints.rate_hz(name, now_s) for name in names}
+    slowest = min(rates, key=lambda name: rates[name])
+    is_fast = rates[slowest] >= MIN_RATE_HZ
+    text = f"{rates[slowest]:.0f} Hz at least"
+    if not is_fast:
+        text = f"{slowest} comes at {rates[slowest]:.0f} Hz; {MIN_RATE_HZ:g} Hz are needed"
+    if doubled is None:
+        text += f", by {', '.join(sorted({publishers[0] for publishers in senders.values()}))}"
+    if doubled is None or not is_fast:
+        yield Finding("joint states", is_fast, text)
+
+
+def _commanders(link: BaxterLink, limb: str) -> Finding:
+    topic, name = command_topic(limb), f"{limb} arm"
+    others = link.others_of(topic)
+    if others:
+        text = f"{', '.join(others)} may command it by {topic}; end that first"
+        return Finding(name, False, text)
+    if not [reader for reader in link.node.subscribers_of(topic) if reader != link.node.name]:
+        return Finding(name, False, f"nobody listens to {topic}")
+    return Finding(name, True, "nobody else commands it")
+
+
+def _gripper(link: BaxterLink, limb: str) -> Finding:
+    name = f"{limb} gripper"
+    link.wait_until(lambda: link.gripper(limb) is not None, 1.0)
+    report, kind = link.gripper(limb), link.gripper_kind(limb)
+    if report is None:
+        return Finding(name, False, "reports nothing; is there one?")
+    if kind is not None and kind != ELECTRIC:
+        return Finding(name, False, f"is of type {kind}, no electric one ({ELECTRIC})")
+    if report.has_error:
+        return Finding(name, False, "reports an error")
+    if not report.is_calibrated:
+        return Finding(name, False, "is not calibrated; calibrate it first")
+    return Finding(name, True, f"calibrated, {report.percent:.0f} % open")
+
+
+def described_robot(text: str | None) -> Baxter:
+    """The robot that a description on the network describes.
+
+    Raises:
+        RosError: when there is none, or it cannot be read.
+    """
+    if text is None:
+        raise RosError("the parameter /robot_description is missing")
+    try:
+        return Baxter.load(text)
+    except BaxterError as cause:
+        raise RosError(f"/robot_description cannot be read: {cause}") from cause
+
+
+def measured_joints(link: BaxterLink, robot: Baxter) -> dict[str, float]:
+    """The joints of a robot that are known, by name: as measured, fingers as grippers report."""
+    measured = link.joints.positions()
+    joints = {name: measured[name] for name in robot.joint_names if name in measured}
+    for side in LIMBS:
+        report = link.gripper(side)
+        names = [n for n in robot.joint_names if n.startswith(f"{side[0]}_gripper_")]
+        if report is None or len(names) != 2:
+            continue
+        share = min(max(report.percent / 100.0, 0.0), 1.0)
+        upper = robot.model.upperPositionLimit[list(robot.indices(tuple(names)))]
+        signs = np.sign(upper - 1e-9)
+        joints |= {n: float(s * share * max(upper)) for n, s in zip(names, signs, strict=True)}
+    return joints
+
+
+# The plan
+
+
+def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness:
+    """Whether a plan may be executed on the robot as it stands; nothing is sent."""
     if expect(plan, Plan, "plan", SimulationError).failure is not None:
         raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
     grips = [plan.limb] if any(isinstance(step, Grip) for step in plan) else []
-    findings = list(look_at_robot(link, [plan.limb], grips=grips))
-    if not all(finding.is_ok for finding in findings):
-        return Readiness(tuple(findings), None)
-    ready = _Look(link, plan, options, findings).ready()
+    findings = list(check_robot(link, [plan.limb], grips=grips))
+    ready = None
+    if all(finding.is_ok for finding in findings):
+        try:
+            ready = _PlanCheck(link, plan, options, findings).ready()
+        except _RefusedError as refusal:
+            findings.append(refusal.finding)
     return Readiness(tuple(findings), ready)
 
 
-def check_still_there(link: BaxterLink, ready: ReadyPlan) -> None:
-    """See that the arm stands where it did when a plan was prepared."""
-    reading = link.joints.arm(ready.robot.arm(ready.plan.limb).joint_names)
+def check_unmoved(link: BaxterLink, ready: ReadyPlan) -> None:
+    """Check that the arm stands where it did when a plan was prepared."""
+    reading = link.joints.arm(ready.manipulator.arm.joint_names)
     off = np.inf if reading is None else float(np.abs(reading.q - ready.plan.q_start).max())
     if off > START_RAD:
         raise SimulationError(
@@ -69,102 +380,78 @@ def check_still_there(link: BaxterLink, ready: ReadyPlan) -> None:
 
 
 class _RefusedError(Exception):
-    """Ends a look; carries what does not hold."""
+    """Ends a check; carries the condition that does not hold."""
 
     def __init__(self, name: str, text: str) -> None:
         self.finding = Finding(name, False, text)
         super().__init__(text)
 
 
-class _Look:
-    """One look at a plan: each step adds what it found, and the first that fails ends it."""
+class _PlanCheck:
+    """The check of one plan: each condition adds a finding, and the first that fails ends it."""
 
     def __init__(
         self, link: BaxterLink, plan: Plan, options: ExecutionOptions, findings: list[Finding]
     ) -> None:
         self._link, self._plan, self._options, self._findings = link, plan, options, findings
 
-    def ready(self) -> ReadyPlan | None:
-        """What would be sent, or None."""
+    def ready(self) -> ReadyPlan:
+        """What would be sent."""
+        text = self._link.description
         try:
-            return self._ready()
-        except _RefusedError as stop:
-            self._findings.append(stop.finding)
-            return None
-
-    def _ready(self) -> ReadyPlan:
-        robot = self._robot()
-        state = self._state(robot)
+            robot = described_robot(text)
+        except RosError as cause:
+            raise _RefusedError("URDF", str(cause)) from cause
+        known = dict(self._plan.start.joints)
+        joints = {name: known.get(name, 0.0) for name in robot.joint_names}
+        state = evolve(self._plan.start, joints=joints | measured_joints(self._link, robot))
         q_others = robot.configuration(dict(state.joints))
         manipulator = Manipulator.of(robot, self._plan.limb, q_others=q_others)
-        self._check_robot(robot)
+        self._check_identity(robot)
         plan = self._from_here(manipulator, state)
         try:
             plan = complete(plan, manipulator=manipulator)
         except BaxterError as cause:
             raise _RefusedError("plan", str(cause)) from cause
         self._check_certificate(plan, robot)
-        try:
-            stages = guarded(plan, manipulator)
-        except BaxterError as cause:
-            raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
-        _check_rooms(stages)
-        motions = self._motions(stages)
-        peaks = np.max([motion.peak_speeds() for motion in motions], axis=0, initial=0.0)
-        peaks = np.broadcast_to(peaks, (7,)).copy()
+        clearances = self._clearances(plan, manipulator)
+        parts = parts_of(plan, self._options.pace)
+        motions = [part for part in parts if isinstance(part, SentMotion)]
+        peaks = np.max([motion.peak_speeds() for motion in motions] or [np.zeros(7)], axis=0)
         self._check_speeds(peaks)
-        proof, rates = self._check_tracking(plan, manipulator), peaks
+        proof, rates = self._tracking(plan, manipulator), peaks
         if proof is not None:
-            rates, stages = np.maximum(peaks, proof.rate_rad_s), _as_tracked(stages, proof)
+            rates = np.maximum(peaks, proof.rate_rad_s)
+            clearances = tuple(
+                evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + BEYOND_RAD))
+                for each, move in zip(clearances, proof.moves, strict=True)
+            )
         duration_s = sum(motion.duration_s for motion in motions)
-        return ReadyPlan(plan, robot, stages, duration_s, peaks, speed_ratio_for(rates))
+        ratio = speed_ratio_for(rates)
+        return ReadyPlan(plan, self._options, manipulator, clearances, duration_s, peaks, ratio)
 
     def _found(self, name: str, text: str) -> None:
         self._findings.append(Finding(name, True, text))
 
-    def _robot(self) -> Baxter:
-        text = self._link.description
-        if text is None:
-            raise _RefusedError("URDF", "the parameter /robot_description is missing")
-        try:
-            return Baxter.load(text)
-        except BaxterError as cause:
-            raise _RefusedError("URDF", f"/robot_description cannot be read: {cause}") from cause
-
-    def _state(self, robot: Baxter) -> State:
-        """The plan's, with all joints as they are measured."""
-        known = self._plan.start
-        told = self._link.joints.positions()
-        joints = {name: told.get(name, known.joints.get(name, 0.0)) for name in robot.joint_names}
-        for side in LIMBS:
-            joints |= self._fingers(robot, side)
-        return evolve(known, joints=joints)
-
-    def _fingers(self, robot: Baxter, side: str) -> dict[str, float]:
-        """Both fingers of a hand as its gripper reports them."""
-        report = self._link.gripper(side)
-        names = [n for n in robot.joint_names if n.startswith(f"{side[0]}_gripper_")]
-        if report is None or len(names) != 2:
-            return {}
-        share = min(max(report.percent / 100.0, 0.0), 1.0)
-        first, second = robot.indices(tuple(names))
-        stroke = max(robot.model.upperPositionLimit[[first, second]])
-        signs = np.sign(robot.model.upperPositionLimit[[first, second]] - 1e-9)
-        return {name: float(s * share * stroke) for name, s in zip(names, signs, strict=True)}
+    def _check_identity(self, robot: Baxter) -> None:
+        given = self._plan.robot
+        difference = "" if given is None else robot.description.identity.difference(given)
+        if difference:
+            raise _RefusedError("plan", f"it is for another robot: {difference}; plan for this one")
 
     def _from_here(self, manipulator: Manipulator, state: State) -> Plan:
-        """The plan from where the arm stands; a move to its start comes first where one must."""
+        """The plan from where the arm stands, with a move to its start first if one is needed."""
         plan, arm = self._plan, manipulator.arm
         reading = self._link.joints.arm(arm.joint_names)
         if reading is None:
             raise _RefusedError("start", "where the arm stands is not known")
-        self._check_limits(arm.limits.q_min, arm.limits.q_max, reading.q, arm.joint_names)
+        self._check_limits(arm, reading.q)
         off = float(np.abs(reading.q - plan.q_start).max())
         if off <= START_RAD:
             self._found("start", f"the arm stands {off:.4f} rad from it")
-            here = _with_arm(state, arm, plan.q_start)
+            here = evolve(state, joints={**state.joints, **arm.joints(plan.q_start)})
             return evolve(plan, start=here, robot=manipulator.identity)
-        if any(held.side == plan.limb for held in state.attachments):
+        if state.holding(plan.limb) is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
         _LOG.info("planning a move to the plan's start")
         way = plan_start_move(
@@ -179,36 +466,30 @@ class _Look:
             "start", f"{off:.3f} rad away; a move to it takes {seconds(duration_s)}{proven}"
         )
         return Plan(
-            _with_arm(state, arm, way.q_start),
+            evolve(state, joints={**state.joints, **arm.joints(way.q_start)}),
             (move, *plan.steps),
             robot=manipulator.identity,
             line_tolerance=plan.line_tolerance,
         )
 
-    def _check_limits(
-        self, q_min: FloatArray, q_max: FloatArray, q: FloatArray, names: tuple[str, ...]
-    ) -> None:
-        beyond = np.maximum(q_min - q, q - q_max)
+    def _check_limits(self, arm: Arm, q: FloatArray) -> None:
+        beyond = np.maximum(arm.limits.q_min - q, q - arm.limits.q_max)
         worst = int(beyond.argmax())
         if beyond[worst] <= ROUNDING_RAD:
             return
-        told = f"{names[worst]} stands {beyond[worst]:.3f} rad outside its limits"
         remedy = (
             "as tucked arms do; untuck it, or move it inside by hand"
             if beyond[worst] <= MAX_CLIP_RAD
             else "which no real arm does; look at the robot and its URDF"
         )
-        raise _RefusedError("start", f"{told}, {remedy}")
-
-    def _check_robot(self, robot: Baxter) -> None:
-        given = self._plan.robot
-        difference = "" if given is None else robot.description.identity.difference(given)
-        if difference:
-            raise _RefusedError("plan", f"it is for another robot: {difference}; plan for this one")
+        joint = arm.joint_names[worst]
+        raise _RefusedError(
+            "start", f"{joint} stands {beyond[worst]:.3f} rad outside its limits, {remedy}"
+        )
 
     def _check_certificate(self, plan: Plan, robot: Baxter) -> None:
+        _LOG.info("verifying the plan in the state that the robot reports: some seconds")
         try:
-            _LOG.info("verifying the plan in the state that the robot reports: some seconds")
             certificate = verify(plan, description=robot.description)
         except BaxterError as cause:
             raise _RefusedError("plan", str(cause)) from cause
@@ -216,25 +497,33 @@ class _Look:
             raise _RefusedError("plan", certificate.verdict)
         self._found("plan", certificate.verdict)
 
-    def _motions(self, stages: tuple[MoveStage | GripStage, ...]) -> list[SentMotion]:
-        pace = self._options.pace
-        return [
-            motion
-            for stage in stages
-            if isinstance(stage, MoveStage)
-            for motion in motions_of(stage.moves, pace)
-        ]
+    def _clearances(self, plan: Plan, manipulator: Manipulator) -> tuple[MoveClearance, ...]:
+        """The clearances; those that leave the guard no room would stop the arm at once."""
+        try:
+            clearances = clearances_of(plan, manipulator)
+        except BaxterError as cause:
+            raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
+        for each in clearances:
+            if min(each.clear_m) <= KEPT_M:
+                nearest = "" if each.nearest is None else f" ({each.nearest.text})"
+                raise _RefusedError(
+                    "clearance",
+                    f"{each.label}: {clear(min(each.clear_m))}{nearest}, and more than "
+                    f"{1e3 * KEPT_M:g} mm are needed; if the arm stands so near, move it away by "
+                    "hand, else plan with a greater margin",
+                )
+        return clearances
 
     def _check_speeds(self, peaks: FloatArray) -> None:
         for joint in too_fast(peaks):
             raise _RefusedError(
                 "speed",
                 f"{JOINTS[joint]} would be sent at {peaks[joint]:.2f} rad/s, and a Baxter turns it "
-                f"at {FASTEST_RAD_S[joint]:g} at most; take a lower speed or lead",
+                f"at {MAX_SPEED_RAD_S[joint]:g} at most; take a lower speed or lead",
             )
 
-    def _check_tracking(self, plan: Plan, manipulator: Manipulator) -> TrackingProof | None:
-        """With a known response: that every path that the joints may take is clear."""
+    def _tracking(self, plan: Plan, manipulator: Manipulator) -> TrackingProof | None:
+        """The proof that every path that the joints may take is clear, if a response is known."""
         response = self._options.sent_response
         if response is None:
             return None
@@ -254,38 +543,3 @@ class _Look:
             )
         self._found("tracking", f"carried out despite this: {text}")
         return None
-
-
-def _with_arm(state: State, arm: Arm, q: FloatArray) -> State:
-    return evolve(state, joints={**state.joints, **arm.joints(q)})
-
-
-def _check_rooms(stages: tuple[MoveStage | GripStage, ...]) -> None:
-    """That every move leaves the guard some room: else it would stop the arm at once."""
-    for stage in stages:
-        for room in stage.rooms if isinstance(stage, MoveStage) else ():
-            if min(room.clear_m) <= KEPT_M:
-                nearest = f" ({room.nearest.text})" if room.nearest is not None else ""
-                raise _RefusedError(
-                    "clearance",
-                    f"{room.label}: {clear(min(room.clear_m))}{nearest}, and more than "
-                    f"{1e3 * KEPT_M:g} mm are needed; if the arm stands so near, move it away by "
-                    "hand, else plan with a greater margin",
-                )
-
-
-def _as_tracked(
-    stages: tuple[MoveStage | GripStage, ...], proof: TrackingProof
-) -> tuple[MoveStage | GripStage, ...]:
-    """The same, each move with how far its joints may be off if they follow as they are said to."""
-    offs = iter(move.deviation_rad for move in proof.moves)
-
-    def tracked(room: Room) -> Room:
-        return evolve(room, most_off_rad=min(MOST_OFF_RAD, next(offs) + BEYOND_RAD))
-
-    return tuple(
-        evolve(stage, rooms=tuple(tracked(room) for room in stage.rooms))
-        if isinstance(stage, MoveStage)
-        else stage
-        for stage in stages
-    )

@@ -1,14 +1,35 @@
-"""Stops: why an execution ended early, as facts; sentences are made of them."""
+"""Stops: why an execution ends early, as facts, and the watch that finds all of them but the path.
+
+The watch is asked at every tick, before anything is sent. It subscribes to the arm's own command
+topic, so that another node that commands the arm is found at once.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from baxter_kin.display import seconds
 from baxter_kin.fields import FrozenMapping, frozen
+from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
+from sim.ros1.execution.link import JOINT_STATES, STATE, BaxterLink, command_topic, joint_names
+
+if TYPE_CHECKING:
+    from sim.ros1.node import Received
+
+MAX_AGE_S = 0.25
+"""Maximum age of joint states."""
+
+MAX_OTHER_ARM_RAD = 0.02
+"""How far the other arm may move; the plan assumes that it stands still."""
+
+ROUNDING = 1e-9
+"""Floating-point error below which a number counts as its last shown digit."""
 
 
 class StopCause(str, Enum):
@@ -36,9 +57,9 @@ class StopCause(str, Enum):
 
     @property
     def holds(self) -> bool:
-        """Whether the arm is told to stay where it is afterwards.
+        """Whether the arm is then commanded to stay where it is.
 
-        A robot that is stopped, in error or disabled is told nothing more.
+        A robot that is stopped, in error or disabled is sent nothing more.
         """
         return self not in (StopCause.DISABLED, StopCause.STOPPED, StopCause.ROBOT_ERROR)
 
@@ -48,13 +69,13 @@ class Stop:
     """Why an execution ended early; `str()` of it is one sentence.
 
     Attributes:
-        cause: what.
+        cause: the kind of reason.
         label: of the step that was under way; empty before the first.
         time_s: since the execution began.
-        subject: joint, node, gripper or file that it is about; empty where there is none.
+        subject: the joint, node, gripper or file concerned; empty where there is none.
         value: what was measured: m for a path, rad for joints, s for ages and times.
         bound: what was allowed.
-        detail: what the robot, the system or an error said.
+        detail: text of the robot, the system or an error.
     """
 
     cause: StopCause
@@ -66,96 +87,162 @@ class Stop:
     detail: str = ""
 
     def __str__(self) -> str:
-        text = _TEXTS[self.cause](self)
+        text = _TEXTS[self.cause].format(
+            **{name: getattr(self, name) for name in ("subject", "value", "bound", "detail")},
+            value_mm=_rounded(1e3 * self.value, 1, up=True),
+            bound_mm=_rounded(1e3 * self.bound, 1, up=False),
+            value_ms=_rounded(1e3 * self.value, 0, up=True),
+            bound_ms=_rounded(1e3 * self.bound, 0, up=False),
+            remark=f" ({self.detail})" if self.detail else "",
+        )
         return f"{self.label}: {text}" if self.label else text
 
     def _facts(self) -> tuple[str, ...]:
         return f"at {seconds(self.time_s)}", str(self)
 
 
-ROUNDING = 1e-9
-"""So little above a last digit is of floating point."""
-
-
-def _off_path(stop: Stop) -> str:
-    off, room = _up(1e3 * stop.value, 1), _down(1e3 * stop.bound, 1)
-    return (
-        f"the arm is {off} mm off its path at {stop.subject}, and {room} mm are clear there; "
-        "send it slower, or with the lead that fits"
-    )
-
-
-def _up(value: float, digits: int) -> str:
-    """Rounded up, so that what is above a bound also reads so."""
+def _rounded(value: float, digits: int, *, up: bool) -> str:
+    """A number rounded away from its bound, so that what exceeds it also reads so."""
     if not math.isfinite(value):
         return str(value)
-    scaled = value * 10**digits - ROUNDING
-    return f"{math.ceil(scaled) / 10**digits:.{digits}f}"
+    scaled = value * 10**digits
+    whole = math.ceil(scaled - ROUNDING) if up else math.floor(scaled + ROUNDING)
+    return f"{whole / 10**digits:.{digits}f}"
 
 
-def _down(bound: float, digits: int) -> str:
-    return f"{-float(_up(-bound, digits)):.{digits}f}"
-
-
-def _stale(stop: Stop) -> str:
-    return (
-        f"the last state of {stop.subject} is {_up(1e3 * stop.value, 0)} ms old, and "
-        f"{_down(1e3 * stop.bound, 0)} ms are allowed; look at the network and at the robot's load"
-    )
-
-
-def _of_robot(what: str, remedy: str) -> Callable[[Stop], str]:
-    def text(stop: Stop) -> str:
-        detail = f" ({stop.detail})" if stop.detail else ""
-        return f"the robot {what}{detail}; {remedy}"
-
-    return text
-
-
-def _plainly(text: str) -> Callable[[Stop], str]:
-    return lambda stop: text.format(
-        subject=stop.subject, value=stop.value, bound=stop.bound, detail=stop.detail
-    )
-
-
-_TEXTS: Mapping[StopCause, Callable[[Stop], str]] = FrozenMapping(
+_TEXTS: Mapping[StopCause, str] = FrozenMapping(
     {
-        StopCause.OFF_PATH: _off_path,
-        StopCause.JOINT_OFF: _plainly(
-            "{subject} is {value:.3f} rad from where it should be; {bound:.3g} rad are allowed"
-        ),
-        StopCause.RUNNING_AWAY: _plainly(
-            "{subject} moves away from a set-point that stands, {value:.3f} rad farther by now; "
-            "{bound:.3g} rad are allowed: something pushes the arm, or its controller fails"
-        ),
-        StopCause.OTHER_ARM_MOVED: _plainly(
-            "{subject} has moved by {value:.3f} rad, {bound:.3g} rad are allowed; the plan counts "
-            "on that arm standing still"
-        ),
-        StopCause.DISABLED: _of_robot("is not enabled any more", "enable it and begin again"),
-        StopCause.STOPPED: _of_robot(
-            "was stopped", "release and reset it by hand, then begin again"
-        ),
-        StopCause.ROBOT_ERROR: _of_robot("reports an error", "look at its display and log"),
-        StopCause.STALE_JOINTS: _stale,
-        StopCause.OTHER_COMMANDER: _plainly("{subject} commands this arm as well; end it first"),
-        StopCause.OTHER_STATE: _plainly(
-            "{subject} publishes {detail} as well, so nobody knows whose to believe; end it first"
-        ),
-        StopCause.CONNECTION_LOST: _plainly("the connection to the robot is lost: {detail}"),
-        StopCause.GRIPPER_MISSED: _plainly(
-            "missed: the fingers of the {subject} hand stopped at {value:.0f} % and hold nothing"
-        ),
-        StopCause.GRIPPER_SILENT: _plainly(
-            "the {subject} gripper did not do as told within {bound:.3g} s: {detail}"
-        ),
-        StopCause.NOT_SETTLED: _plainly(
-            "{subject} is still {value:.4f} rad off after {bound:.3g} s; {detail}"
-        ),
-        StopCause.TIME_OUT: _plainly("the time-out of {bound:g} s is over"),
-        StopCause.NODE_ENDED: _plainly("this node had to end: {detail}"),
-        StopCause.OBSERVER_FAILED: _plainly("what watches or records failed: {detail}"),
-        StopCause.SIGINT: _plainly("stopped by Ctrl-C"),
-        StopCause.SIGTERM: _plainly("stopped by SIGTERM"),
+        StopCause.OFF_PATH: "the arm is {value_mm} mm off its path at {subject}, and {bound_mm} mm "
+        "are clear there; send it slower, or with the lead that fits",
+        StopCause.JOINT_OFF: "{subject} is {value:.3f} rad from where it should be; {bound:.3g} "
+        "rad are allowed",
+        StopCause.RUNNING_AWAY: "{subject} moves away from a set-point that stands, {value:.3f} "
+        "rad farther by now; {bound:.3g} rad are allowed: something pushes the arm, or its "
+        "controller fails",
+        StopCause.OTHER_ARM_MOVED: "{subject} has moved by {value:.3f} rad, {bound:.3g} rad are "
+        "allowed; the plan counts on that arm standing still",
+        StopCause.DISABLED: "the robot is not enabled any more{remark}; enable it and begin again",
+        StopCause.STOPPED: "the robot was stopped{remark}; release and reset it by hand, then "
+        "begin again",
+        StopCause.ROBOT_ERROR: "the robot reports an error{remark}; look at its display and log",
+        StopCause.STALE_JOINTS: "the last state of {subject} is {value_ms} ms old, and {bound_ms} "
+        "ms are allowed; look at the network and at the robot's load",
+        StopCause.OTHER_COMMANDER: "{subject} commands this arm as well; end it first",
+        StopCause.OTHER_STATE: "{subject} publishes {detail} as well, so it is not known which is "
+        "right; end it first",
+        StopCause.CONNECTION_LOST: "the connection to the robot is lost: {detail}",
+        StopCause.GRIPPER_MISSED: "missed: the fingers of the {subject} hand stopped at "
+        "{value:.0f} % and hold nothing",
+        StopCause.GRIPPER_SILENT: "the {subject} gripper did not act within {bound:.3g} s: "
+        "{detail}",
+        StopCause.NOT_SETTLED: "{subject} is still {value:.4f} rad off after {bound:.3g} s; "
+        "{detail}",
+        StopCause.TIME_OUT: "the time-out of {bound:g} s is over",
+        StopCause.NODE_ENDED: "this node had to end: {detail}",
+        StopCause.OBSERVER_FAILED: "what watches or records failed: {detail}",
+        StopCause.SIGINT: "stopped by Ctrl-C",
+        StopCause.SIGTERM: "stopped by SIGTERM",
     }
 )
+
+
+class Watch:
+    """Checks a robot while one of its arms is driven."""
+
+    def __init__(self, link: BaxterLink, limb: str) -> None:
+        """Subscribe to the commands of the arm."""
+        self._link, self._limb, self._names = link, limb, joint_names(limb)
+        self._other_names = joint_names("right" if limb == "left" else "left")
+        self._q_other: FloatArray | None = None
+        self._requested: Stop | None = None
+        self._commander: str | None = None
+        link.listen(command_topic(limb), "baxter_core_msgs/JointCommand", self._on_command)
+
+    def begin(self) -> None:
+        """Store where the other arm is; from now on it must stand there."""
+        reading = self._link.joints.arm(self._other_names)
+        self._q_other = None if reading is None else reading.q
+
+    @property
+    def is_requested(self) -> bool:
+        """Whether a stop was requested."""
+        return self._requested is not None
+
+    def request(self, cause: StopCause, detail: str = "") -> None:
+        """Request a stop, from any thread or a signal handler; the first one counts."""
+        if self._requested is None:
+            self._requested = Stop(cause, detail=detail)
+
+    def stop(self, now_s: float) -> Stop | None:
+        """The reason to stop now, or None."""
+        return (
+            self._robot_stop()
+            or self._requested
+            or self._network_stop()
+            or self._publisher_stop(now_s)
+            or self._joint_stop(now_s)
+        )
+
+    def _on_command(self, received: Received) -> None:
+        if received.sender != self._link.node.name:
+            self._commander = received.sender
+
+    def _robot_stop(self) -> Stop | None:
+        report = self._link.robot
+        if report is None:
+            return Stop(StopCause.CONNECTION_LOST, detail=f"nothing was received on {STATE}")
+        if report.is_stopped:
+            pressed = "its emergency stop is pressed" if report.is_estop_pressed else ""
+            return Stop(StopCause.STOPPED, detail=pressed)
+        if report.has_error:
+            return Stop(StopCause.ROBOT_ERROR)
+        return None if report.is_enabled else Stop(StopCause.DISABLED)
+
+    def _network_stop(self) -> Stop | None:
+        reason = self._link.node.reason_for_end
+        if reason is not None:
+            return Stop(StopCause.NODE_ENDED, detail=reason)
+        for topic in (STATE, JOINT_STATES):
+            if not self._link.writers(topic):
+                detail = f"nobody publishes {topic} any more"
+                return Stop(StopCause.CONNECTION_LOST, detail=detail)
+        return None
+
+    def _publisher_stop(self, now_s: float) -> Stop | None:
+        own, command = self._link.node.name, command_topic(self._limb)
+        writers = (self._commander, *self._link.writers(command))
+        others = [name for name in writers if name is not None and name != own]
+        if others:
+            return Stop(StopCause.OTHER_COMMANDER, subject=others[0])
+        published = [(STATE, self._link.writers(STATE))]
+        published += [
+            (f"the state of {name}", self._link.joints.senders(name, now_s)) for name in self._names
+        ]
+        for what, publishers in published:
+            if len(publishers) > 1:
+                return Stop(StopCause.OTHER_STATE, subject=" or ".join(publishers), detail=what)
+        return None
+
+    def _joint_stop(self, now_s: float) -> Stop | None:
+        reading = self._link.joints.arm(self._names)
+        if reading is None:
+            missing = ", ".join(self._link.joints.missing(self._names))
+            return Stop(StopCause.CONNECTION_LOST, detail=f"nothing was received of {missing}")
+        age_s = now_s - reading.time_s
+        if age_s > MAX_AGE_S:
+            return Stop(
+                StopCause.STALE_JOINTS, subject=reading.oldest, value=age_s, bound=MAX_AGE_S
+            )
+        other = self._link.joints.arm(self._other_names)
+        if other is None or self._q_other is None:
+            return None
+        moved = np.abs(other.q - self._q_other)
+        worst = int(moved.argmax())
+        if moved[worst] <= MAX_OTHER_ARM_RAD:
+            return None
+        return Stop(
+            StopCause.OTHER_ARM_MOVED,
+            subject=self._other_names[worst],
+            value=float(moved[worst]),
+            bound=MAX_OTHER_ARM_RAD,
+        )

@@ -1,10 +1,10 @@
-"""Twin: a world that follows what a robot reports, so that observers see it as any simulation.
+"""Twin: a world that follows what a robot reports, so that observers get it as any simulation.
 
-Arms and fingers are where they are measured. Of bodies nobody reports anything: they are where the
-plan has them, move with the hand that is said to grip them, and fall where it opens.
+Arms and fingers are where they are measured. Nothing reports bodies: they are where the plan has
+them, move with the hand that reports to grip them, and fall where it opens.
 
-Observers are told in a thread of their own, in order, so that slow ones delay no set-point. What
-one raises is kept, and nothing more is told.
+Observers are informed in a thread of their own, in order, so that slow ones delay no set-point. An
+error that one raises is stored, and nothing more is reported.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
-from planner import Body, Grip, GripperAction, Move
+from planner import Grip, GripperAction, Move
 from planner.state import State
 from sim.events import EventKind, Observer, opening_text
 from sim.samples import Sample, SampleObserver
@@ -28,22 +28,30 @@ from sim.world.gripper import GripperState
 from sim.world.world import World
 
 
+@dataclass
+class _Report:
+    """The last state of a gripper."""
+
+    state: GripperState
+
+
 class Twin:
     """A world that follows a robot.
 
     Attributes:
         world: robot and bodies as they are reported and planned.
-        error: what an observer has raised; None as long as all is well.
+        error: what an observer has raised; None as long as none has.
     """
 
     def __init__(self, robot: Baxter, state: State, observers: Iterable[Observer]) -> None:
-        """Put everything where a state has it, and tell nobody yet."""
+        """Build the world of a state; observers are informed from `begin` on."""
         self.world = World(robot)
         for body in state.scene:
             self.world.spawn(body)
         for held in state.attachments:
             self.world.attach(held.side, held.body, held.T_link_body)
-        self._reports = {side: ReportedGripper() for side in LIMBS}
+        unknown = GripperState(100.0, is_gripping=False, has_missed=False)
+        self._reports = {side: _Report(unknown) for side in LIMBS}
         self._observers = tuple(observers)
         self._timeline = Timeline(self.world, self._reports, self._observers, 1.0)
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -52,24 +60,25 @@ class Twin:
         self.error: Exception | None = None
 
     def begin(self) -> None:
-        """Start telling, first of the bodies that are there."""
+        """Start the thread; the bodies of the plan are its first events."""
         for body in self.world.scene:
-            self.put(partial(self._appear, body))
+            text = f"{body.name}, where the plan has it"
+            self.put(partial(self._timeline.notify, EventKind.SPAWNED, text, body=body))
         self._thread = threading.Thread(target=self._run, name="observers", daemon=True)
         self._thread.start()
 
     def end(self) -> None:
-        """Tell what is left, and end."""
+        """Report what is left, and end the thread."""
         if self._thread is not None:
             self._tasks.put(None)
             self._thread.join()
             self._thread = None
 
-    def put(self, task: Callable[[], None]) -> None:
-        """Do something after all that was told before; for the methods below."""
-        self._tasks.put(task)
+    def put(self, task: Callable[..., None], *arguments: object) -> None:
+        """Call a method below in the observers' thread, after all that was put before."""
+        self._tasks.put(partial(task, *arguments))
 
-    def see(
+    def update(
         self,
         time_s: float,
         joints: Mapping[str, float],
@@ -81,7 +90,7 @@ class Twin:
         Args:
             time_s: of the execution; snapshots increase in it.
             joints: positions by name, rad.
-            grippers: what they report, by side.
+            grippers: their reports by side.
             caption: what is going on.
         """
         if time_s <= self._last_s:
@@ -90,7 +99,8 @@ class Twin:
         self._timeline.caption = caption
         for side, arm in self.world.robot.arms.items():
             if all(name in joints for name in arm.joint_names):
-                self._move(side, np.array([joints[name] for name in arm.joint_names]))
+                q = np.array([joints[name] for name in arm.joint_names])
+                self.world.move_arm(side, np.clip(q, arm.limits.q_min, arm.limits.q_max))
         for side, state in grippers.items():
             self._reports[side].state = state
             hand = self.world.hands.get(side)
@@ -100,12 +110,12 @@ class Twin:
         self._timeline.show()
 
     def sample(self, sample: Sample) -> None:
-        """Show a tick to those who want it."""
+        """Report a tick to the observers of samples."""
         for observer in self._observers:
             if isinstance(observer, SampleObserver):
                 observer.on_sample(sample)
 
-    def tell(
+    def notify(
         self,
         time_s: float,
         kind: EventKind,
@@ -113,44 +123,28 @@ class Twin:
         side: str | None = None,
         move: Move | None = None,
     ) -> None:
-        """Tell what happened."""
+        """Report an event."""
         self._timeline.time_s = time_s
         self._timeline.notify(kind, text, side, move=move)
 
     def gripped(self, time_s: float, side: str, grip: Grip, percent: float) -> None:
-        """The gripper has done as told: what it closed on moves with it, what it let go falls."""
+        """Attach the body that the fingers closed on, or drop the one that they let go."""
         self._timeline.time_s = time_s
+        world, timeline = self.world, self._timeline
         if grip.action is GripperAction.CLOSE:
-            self._closed(side, grip, percent)
+            name = grip.body
+            if name is not None and name in world.scene.bodies:
+                T_tip_body = world.T_base_tip(side).inverse() * world.body(name).T_base_body
+                world.attach(side, name, T_tip_body)
+                text = f"{name} grasped, as the gripper reports ({percent:.0f} % open)"
+                timeline.notify(EventKind.GRASPED, text, side, body=world.body(name))
             return
-        name = self.world.detach(side)
+        name = world.detach(side)
         if name is None:
-            self._timeline.notify(EventKind.OPENED, opening_text(side, percent), side)
-            return
-        self._timeline.released(side, name)
-        self._timeline.settled(name, self.world.settle(name))
-
-    def _closed(self, side: str, grip: Grip, percent: float) -> None:
-        name = grip.body
-        if name is None or name not in self.world.scene.bodies:
-            return
-        T_tip_body = self.world.T_base_tip(side).inverse() * self.world.body(name).T_base_body
-        self.world.attach(side, name, T_tip_body)
-        text = f"{name} grasped, as the gripper reports ({percent:.0f} % open)"
-        self._timeline.notify(EventKind.GRASPED, text, side, body=self.world.body(name))
-
-    def missed(self, time_s: float, side: str, text: str) -> None:
-        """The gripper holds nothing."""
-        self._timeline.time_s = time_s
-        self._timeline.notify(EventKind.MISSED, text, side)
-
-    def _appear(self, body: Body) -> None:
-        text = f"{body.name}, where the plan has it"
-        self._timeline.notify(EventKind.SPAWNED, text, body=body)
-
-    def _move(self, side: str, q: FloatArray) -> None:
-        limits = self.world.robot.arm(side).limits
-        self.world.move_arm(side, np.clip(q, limits.q_min, limits.q_max))
+            timeline.notify(EventKind.OPENED, opening_text(side, percent), side)
+        else:
+            timeline.released(side, name)
+            timeline.settled(name, world.settle(name))
 
     def _run(self) -> None:
         while (task := self._tasks.get()) is not None:
@@ -160,14 +154,3 @@ class Twin:
                 task()
             except Exception as error:  # whatever an observer raises ends the execution
                 self.error = error
-
-
-class ReportedGripper:
-    """What a gripper reported last.
-
-    Attributes:
-        state: that.
-    """
-
-    def __init__(self) -> None:
-        self.state = GripperState(100.0, is_gripping=False, has_missed=False)

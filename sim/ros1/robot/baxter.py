@@ -1,4 +1,4 @@
-"""The simulated Baxter without its wire: a world and all its parts, advanced in ticks."""
+"""SimulatedBaxter: the simulated Baxter without its network, a world and its parts in ticks."""
 
 from __future__ import annotations
 
@@ -11,14 +11,9 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.events import EventKind, Observer
-from sim.ros1.robot.parts.arm_motion import ArmMotion, Following
-from sim.ros1.robot.parts.assembly import Assembly
-from sim.ros1.robot.parts.contact_stop import ContactStop
-from sim.ros1.robot.parts.electric_gripper import ElectricGripper, GripperOrder
-from sim.ros1.robot.parts.fingers import Fingers
-from sim.ros1.robot.parts.head import Head
-from sim.ros1.robot.parts.joint_order import BadOrderError, JointOrder
-from sim.ros1.robot.parts.panel import Panel
+from sim.ros1.robot.arm_motion import ArmMotion, BadOrderError, ContactStop, Following, JointOrder
+from sim.ros1.robot.gripper import ElectricGripper, Fingers, GripperOrder
+from sim.ros1.robot.panel import Assembly, Head, Panel
 from sim.timeline import DEFAULT_TICK_S, Timeline
 from sim.world.contacts import ContactWatch
 from sim.world.gripper import Gripper
@@ -27,26 +22,26 @@ from sim.world.world import World
 TICK_S = DEFAULT_TICK_S
 """Between two states; a real Baxter publishes its joints at 100 Hz."""
 
-LONGEST_LEAP = 5
-"""Ticks: a process that was stopped for longer goes on where it was, and leaps no farther."""
+MAX_TICKS = 5
+"""Number of ticks that a late one makes up for at most, as after a process was stopped."""
 
 TUCKED_S0_RAD, TUCKED_S1_RAD = (-1.0, 1.0), -2.07
-"""Of the left and the right arm when they are tucked, as the original `tuck_arms` has it."""
+"""Of the left and the right arm when they are tucked, as in the original `tuck_arms`."""
 
 TUCKED_WITHIN_RAD = 0.2
-"""Likewise: how near to that an arm counts as tucked."""
+"""Distance from that within which an arm counts as tucked, likewise."""
 
 
 class SimulatedBaxter(OneLine):
     """A Baxter in its world.
 
     Attributes:
-        world: where everything is; of an arm that stands outside its limits, at its limits.
-        time_s: how long it has been on.
+        world: its world; an arm that stands outside its limits is at its limits there.
+        time_s: since it was switched on.
         arms: the joints of both arms, by side.
         grippers: of the hands that have fingers, by side.
         assembly: whether it is enabled.
-        head: where it looks.
+        head: its head.
         panel: buttons and lights.
     """
 
@@ -62,11 +57,11 @@ class SimulatedBaxter(OneLine):
         """Switch it on, disabled.
 
         Args:
-            world: what it moves in.
-            observers: who is told what happens, and shown the world at every tick.
+            world: its world.
+            observers: informed of events, and of the world at every tick.
             following: how the arms follow their set-points.
-            q_start: where arms stand, by side, shape (7,), rad; where the world has them when not
-                given. A real one may stand outside its limits when it is tucked.
+            q_start: positions of arms by side, shape (7,), rad; those in the world when not given.
+                A real one may stand outside its limits when it is tucked.
             is_calibrated: whether the grippers are.
         """
         self.world = world
@@ -89,12 +84,12 @@ class SimulatedBaxter(OneLine):
             self._put(side, starts[side])
         self.assembly, self.head, self.panel = Assembly(), Head(), Panel()
         self._ticks = 0
-        self._look_again()
+        self._refresh()
         self._timeline.begin()
 
     @property
     def time_s(self) -> float:
-        """How long it has been on."""
+        """Time since it was switched on."""
         return self._ticks * TICK_S
 
     @property
@@ -111,8 +106,8 @@ class SimulatedBaxter(OneLine):
         return self._stops[side].is_stopped
 
     def tick(self, ticks: int = 1) -> None:
-        """Let time pass, at most `LONGEST_LEAP` ticks, and show the world once."""
-        for _ in range(min(ticks, LONGEST_LEAP)):
+        """Let time pass, at most `MAX_TICKS` ticks, and show the world once."""
+        for _ in range(min(ticks, MAX_TICKS)):
             self._ticks += 1
             self._timeline.time_s = self.time_s
             for side in LIMBS:
@@ -149,7 +144,7 @@ class SimulatedBaxter(OneLine):
     def order_joints(
         self, side: str, mode: int, names: Sequence[str], command: Sequence[float]
     ) -> tuple[str, ...]:
-        """Take a joint command; a disabled robot checks it and does nothing.
+        """Execute a joint command; a disabled robot checks it and does nothing.
 
         Returns:
             A phrase for each joint that was clipped.
@@ -161,14 +156,14 @@ class SimulatedBaxter(OneLine):
         return self.arms[side].order(order, self.time_s)
 
     def order_gripper(self, side: str, order: GripperOrder) -> None:
-        """Take a command to a gripper."""
+        """Execute a command to a gripper."""
         if side not in self.grippers:
             raise BadOrderError(f"the {side} hand has no gripper")
         is_enabled = self.assembly.state.is_enabled
         self.grippers[side].order(order, is_enabled=is_enabled)
 
     def order_head(self, target_rad: float) -> None:
-        """Turn the head, unless the robot is disabled."""
+        """Pan the head, unless the robot is disabled."""
         if self.assembly.state.is_enabled:
             self.head.pan(target_rad)
 
@@ -178,7 +173,7 @@ class SimulatedBaxter(OneLine):
             self.head.nod()
 
     def enable(self) -> None:
-        """Enable it; what it is already changes nothing."""
+        """Enable the robot, unless it is."""
         if self.assembly.state.is_enabled:
             return
         refusal = self.assembly.enable(self.time_s, is_tucked=self.is_tucked)
@@ -187,7 +182,7 @@ class SimulatedBaxter(OneLine):
         self._timeline.notify(EventKind.ENABLED, "robot enabled")
 
     def disable(self) -> None:
-        """Disable it: everything stays where it is, and what is held is held."""
+        """Disable the robot: everything stays where it is, and what is held is held."""
         self.assembly.disable()
         self._hold()
 
@@ -226,19 +221,19 @@ class SimulatedBaxter(OneLine):
     def spawn(self, body: Body) -> None:
         """Add a body; a movable one falls on what is below it."""
         self._timeline.spawn(body)
-        self._look_again()
+        self._refresh()
 
     def delete(self, name: str) -> None:
         """Remove a body."""
         self._timeline.delete(name)
-        self._look_again()
+        self._refresh()
 
-    def _look_again(self) -> None:
-        """Bodies have come or gone."""
+    def _refresh(self) -> None:
+        """Rebuild what depends on the bodies of the world."""
         for gripper in self.grippers.values():
-            gripper.look_again()
+            gripper.refresh()
         for side, stop in self._stops.items():
-            stop.look_ahead(self.world.arm_q(side))
+            stop.refresh(self.world.arm_q(side))
 
     def _facts(self) -> tuple[str, ...]:
-        return seconds(self.time_s), repr(self.assembly.state), repr(self.world)
+        return seconds(self.time_s), repr(self.world)

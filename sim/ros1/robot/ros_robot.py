@@ -1,4 +1,4 @@
-"""The simulated Baxter on a ROS 1 network: one thread that ticks, publishes and obeys."""
+"""RosRobot: the simulated Baxter on a ROS 1 network; one thread ticks, publishes and subscribes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ from sim.errors import RosError, SimulationError
 from sim.events import Observer
 from sim.ros1.definitions import message_type
 from sim.ros1.node import Node
+from sim.ros1.robot.arm_motion import Following
 from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
-from sim.ros1.robot.complaints import Complaints
-from sim.ros1.robot.parts.arm_motion import Following
-from sim.ros1.robot.services import models, position_ik
-from sim.ros1.robot.topics.inlet import Inlets
-from sim.ros1.robot.topics.joint_topics import JointTopics
-from sim.ros1.robot.topics.outlet import Outlets
-from sim.ros1.robot.topics.state_topics import StateTopics
+from sim.ros1.robot.diagnostics import Diagnostics
+from sim.ros1.robot.gazebo import DELETE, SPAWN, Models
+from sim.ros1.robot.position_ik import TYPE, PositionIK
+from sim.ros1.robot.publishers import Publishers
+from sim.ros1.robot.subscribers import Subscribers
 from sim.ros1.transport import addresses
 from sim.world.world import World
 
@@ -49,7 +48,7 @@ class RosRobot(NotCopied, OneLine):
     Attributes:
         baxter: the robot without its wire; only the thread that ticks may change it.
         node: its node.
-        complaints: what was wrong with messages.
+        diagnostics: invalid messages.
     """
 
     def __init__(
@@ -65,15 +64,15 @@ class RosRobot(NotCopied, OneLine):
         host: str | None = None,
         name: str = NAME,
     ) -> None:
-        """Register everything and begin to tick.
+        """Register everything and start to tick.
 
         Args:
-            world: what it moves in; from now on nobody else may change it.
-            observers: who is told what happens, in the thread that ticks.
+            world: its world; from now on only the robot may change it.
+            observers: informed in the thread that ticks.
             following: how the arms follow their set-points.
-            q_start: where arms stand, by side, as for `SimulatedBaxter`.
+            q_start: first positions of arms by side, as for `SimulatedBaxter`.
             is_calibrated: whether the grippers are.
-            has_side_effects: whether it has Gazebo's services, and says that it has started.
+            has_side_effects: whether it has Gazebo's services, and publishes that it has started.
             master_uri: instead of ROS_MASTER_URI.
             host: this computer's name or address, instead of ROS_HOSTNAME and ROS_IP. When it is
                 not given, only loopback will do: whoever reaches a robot may move it.
@@ -96,11 +95,9 @@ class RosRobot(NotCopied, OneLine):
             self.node = undo.enter_context(
                 Node(name, master_uri=master_uri, host=home, takes_over=False)
             )
-            self.complaints = Complaints(self._warn)
-            self._inlets = Inlets(self.baxter, self.node, self.complaints)
-            self._outlets = Outlets(self.node)
-            JointTopics(self.baxter, self._outlets)
-            StateTopics(self.baxter, self._outlets)
+            self.diagnostics = Diagnostics(self._warn)
+            self._subscribers = Subscribers(self.baxter, self.node, self.diagnostics)
+            self._publishers = Publishers(self.baxter, self.node)
             self._serve(has_side_effects)
             self._set_parameters(undo)
             self._thread = threading.Thread(target=self._run, name="ticks of Baxter", daemon=True)
@@ -115,7 +112,7 @@ class RosRobot(NotCopied, OneLine):
         self.close()
 
     def close(self) -> None:
-        """Stop ticking and unregister everything; twice is no trouble."""
+        """Stop ticking and unregister everything; it may be called twice."""
         self._undo.close()
 
     def spawn(self, body: Body) -> None:
@@ -124,15 +121,15 @@ class RosRobot(NotCopied, OneLine):
         Raises:
             SceneError: when the name is taken.
         """
-        self._inlets.between_ticks(lambda: self.baxter.spawn(body)).result(CLOSING_S)
+        self._subscribers.between_ticks(lambda: self.baxter.spawn(body)).result(CLOSING_S)
 
     @property
     def failure(self) -> BaseException | None:
-        """What ended the ticks against everybody's will; None while nothing did."""
+        """The error that ended the ticks; None without one."""
         return self._failure
 
     def wait_ended(self, timeout_s: float) -> str | None:
-        """Wait for the end: why others ended it, or None when nobody has."""
+        """Wait for the end; returns why it ended, or None while it goes on."""
         if self.node.wait_closed(0.0 if self._closing.wait(0.0) else timeout_s):
             return self.node.reason_for_end or "its node is closed"
         return None if self._failure is None else f"it broke: {self._failure!r}"
@@ -141,13 +138,13 @@ class RosRobot(NotCopied, OneLine):
         world = self.baxter.world
         for side in LIMBS:
             service = f"/ExternalTools/{side}/PositionKinematicsNode/IKService"
-            ik = position_ik.PositionIK(world.robot, side, lambda: world.q, self._warn)
-            self.node.serve(service, position_ik.TYPE, ik.answer)
+            ik = PositionIK(world.robot, side, lambda: world.q, self._warn)
+            self.node.serve(service, TYPE, ik.answer)
         if has_side_effects:
-            gazebo = models.Models(self.baxter, self._inlets.between_ticks, self._tell)
+            models = Models(self.baxter, self._subscribers.between_ticks, self._inform)
             for kind in ("sdf", "urdf"):
-                self.node.serve(f"/gazebo/spawn_{kind}_model", models.SPAWN, gazebo.spawn)
-            self.node.serve("/gazebo/delete_model", models.DELETE, gazebo.delete)
+                self.node.serve(f"/gazebo/spawn_{kind}_model", SPAWN, models.spawn)
+            self.node.serve("/gazebo/delete_model", DELETE, models.delete)
             started = self.node.advertise("/robot/sim/started", "std_msgs/Empty", latch=True)
             started.publish(message_type("std_msgs/Empty").make())
 
@@ -162,7 +159,7 @@ class RosRobot(NotCopied, OneLine):
             undo.callback(self._forget, name)
 
     def _forget(self, name: str) -> None:
-        """Delete a parameter, unless the master has forgotten it, or is gone."""
+        """Delete a parameter, unless the master has deleted it, or is gone."""
         try:
             self.node.delete_parameter(name)
         except SimulationError as cause:
@@ -180,21 +177,21 @@ class RosRobot(NotCopied, OneLine):
         while not self._closing.wait(max(0.0, begin_s + (done + 1) * TICK_S - time.monotonic())):
             passed = max(1, int((time.monotonic() - begin_s) / TICK_S) - done)
             done += passed
-            self._inlets.work_off()
+            self._subscribers.process()
             self.baxter.tick(passed)
-            self._outlets.tell()
+            self._publishers.publish()
 
     def _end_ticks(self) -> None:
         self._closing.set()
         self._thread.join(CLOSING_S)
 
-    def _tell(self, text: str) -> None:
-        self._say(text, logging.INFO)
+    def _inform(self, text: str) -> None:
+        self._log(text, logging.INFO)
 
     def _warn(self, text: str) -> None:
-        self._say(text, logging.WARNING)
+        self._log(text, logging.WARNING)
 
-    def _say(self, text: str, level: int) -> None:
+    def _log(self, text: str, level: int) -> None:
         _LOG.log(level, "%s", text)
         self.node.log(text, level)
 
@@ -203,7 +200,7 @@ class RosRobot(NotCopied, OneLine):
 
 
 def _loopback(given_uri: str | None) -> str:
-    """The name by which only this computer reaches it."""
+    """The name of this computer that only itself reaches."""
     home = addresses.find_local_host(addresses.master_uri(given_uri))
     if not ip_address(home.address).is_loopback:
         raise RosError(

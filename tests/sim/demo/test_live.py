@@ -133,7 +133,7 @@ def test_a_browser_can_play_it_again_when_the_program_has_ended(watched: Watched
     watched.page.wait_for_function("element('caption').textContent.includes('pick: ')")
 
 
-def test_a_failure_is_said_in_the_page() -> None:
+def test_a_failure_is_shown_in_the_page() -> None:
     with demo("--add-pose", "1.5", "0", "-0.129", "--cycles", "2") as (process, page):
         status, complained = ended(process, page)
     assert status == 1

@@ -13,17 +13,17 @@ from baxter_kin import Baxter
 from planner import Plan, Response
 from sim import Event, EventKind, Simulation, World
 from sim.outcome import Dwell
-from sim.ros1.execution import preflight
-from sim.ros1.execution.executor import RosExecutor
-from sim.ros1.execution.link.baxter_link import BaxterLink
-from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError
+from sim.ros1.execution import readiness, stops
+from sim.ros1.execution.execution import RosExecutor
+from sim.ros1.execution.link import BaxterLink
+from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError
+from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
-from sim.ros1.execution.stream.set_points import Pace
 from sim.ros1.node import Node
-from sim.ros1.robot.parts.arm_motion import Follow, Following
+from sim.ros1.robot.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
 from sim.world.contacts import Contact
-from tests.sim.ros1.execution.conftest import demo_plan, patient  # noqa: F401 - fixtures
+from tests.sim.ros1.execution.conftest import demo_plan  # noqa: F401 - a fixture
 from tests.sim.runs import Witness
 
 SAME_PLACE_M = 1e-3
@@ -32,9 +32,10 @@ KNOWN_LAG = Response((0.35, 0.45), 0.001)
 
 
 @pytest.fixture(autouse=True)
-def patient_with_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both halves share a process, and that a busy computer."""
-    monkeypatch.setattr(preflight, "LEAST_RATE_HZ", 20.0)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both halves share a busy computer, on which a robot may be slower or silent for longer."""
+    monkeypatch.setattr(stops, "MAX_AGE_S", 2.0)
+    monkeypatch.setattr(readiness, "MIN_RATE_HZ", 20.0)
 
 
 @dataclass

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from sim.ros1.definitions import message_type
+from tests.sim.ros1.execution.clock import VirtualTime
 
 
 @dataclass(frozen=True)
@@ -19,9 +21,14 @@ class Heard:
 
 
 class Bus:
-    """Topics and parameters of a network."""
+    """Topics and parameters of a network, whose messages arrive at once.
 
-    def __init__(self) -> None:
+    Attributes:
+        clock: gives their times of arrival.
+    """
+
+    def __init__(self, clock: VirtualTime) -> None:
+        self.clock = clock
         self.parameters: dict[str, Any] = {}
         self.publishers: dict[str, list[BusPublisher]] = defaultdict(list)
         self.subscribers: dict[str, list[BusSubscriber]] = defaultdict(list)
@@ -53,8 +60,8 @@ class BusNode:
         for end in list(self._ends):
             end.close()
 
-    def advertise(self, topic: str, _: str, latch: bool = False, **__: int) -> BusPublisher:
-        publisher = BusPublisher(self, topic, latch)
+    def advertise(self, topic: str, kind: str, latch: bool = False, **__: int) -> BusPublisher:
+        publisher = BusPublisher(self, topic, kind, latch)
         self._add(publisher, self.bus.publishers)
         return publisher
 
@@ -86,14 +93,17 @@ class BusNode:
 
 
 class BusPublisher:
-    def __init__(self, node: BusNode, topic: str, latch: bool) -> None:
-        self.node, self.topic, self._latch = node, topic, latch
+    def __init__(self, node: BusNode, topic: str, kind: str, latch: bool) -> None:
+        self.node, self.topic, self._kind, self._latch = node, topic, message_type(kind), latch
         self.latched: Any = None
         self.among: list[BusPublisher] = []
 
     @property
     def readers(self) -> tuple[str, ...]:
         return self.node.subscribers_of(self.topic)
+
+    def send(self, **values: Any) -> None:
+        self.publish(self._kind.make(**values))
 
     def publish(self, message: Any) -> None:
         if self._latch:
@@ -117,7 +127,7 @@ class BusSubscriber:
         return self.node.publishers_of(self.topic)
 
     def deliver(self, message: Any, sender: str) -> None:
-        self._hear(Heard(message, sender, self.topic, time.monotonic()))
+        self._hear(Heard(message, sender, self.topic, self.node.bus.clock.now_s))
 
     def close(self) -> None:
         with self.node.bus.lock:

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
 from sim.outcome import Dwell
-from sim.ros1.execution.executor import RosExecutor
-from sim.ros1.execution.guard import watch
-from sim.ros1.execution.link.baxter_link import BaxterLink
-from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
-from sim.ros1.execution.stream.set_points import Pace
+from sim.ros1.execution.execution import RosExecutor
+from sim.ros1.execution.link import BaxterLink
+from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
 from tests.conftest import overhead
 from tests.sim.ros1.execution.bus import Bus, BusNode
+from tests.sim.ros1.execution.clock import virtual_time
 from tests.sim.ros1.execution.fake_robot import FakeRobot
 
 FAST = ExecutionOptions(Pace(0.6), Dwell(0.0, 0.0))
-"""Slower than the robot would allow, so that one that pauses on a busy computer catches up."""
 
 PREPARED = ExecutionOptions(Pace(1.0), Dwell(0.0, 0.0))
 
@@ -36,14 +37,18 @@ class Network:
     node: BusNode
     link: BaxterLink
 
+    def when(self, is_so: Callable[[], object], act: Callable[[], object]) -> None:
+        """Do something once, at the first tick at which something is so."""
+
+        def tick() -> None:
+            if is_so():
+                self.bus.clock.on_tick.remove(tick)
+                act()
+
+        self.bus.clock.on_tick.append(tick)
+
     def executor(self, *observers: Any, options: ExecutionOptions = FAST) -> RosExecutor:
         return RosExecutor(self.link, observers, options=options)
-
-
-@pytest.fixture(autouse=True)
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests share a busy computer, on which a robot may fall silent for longer than allowed."""
-    monkeypatch.setattr(watch, "OLDEST_S", 2.0)
 
 
 @pytest.fixture(scope="session")
@@ -54,28 +59,30 @@ def demo_plan(manipulator: Manipulator, scene: Scene) -> Plan:
 
 @pytest.fixture
 def network(robot: Baxter, demo_plan: Plan) -> Iterator[Network]:
-    yield from networked(robot, demo_plan)
+    with networked(robot, demo_plan) as network:
+        yield network
 
 
+@contextmanager
 def networked(robot: Baxter, plan: Plan, **options: Any) -> Iterator[Network]:
-    bus, left, right = Bus(), robot.arm("left"), robot.arm("right")
+    left, right = robot.arm("left"), robot.arm("right")
     q = left.joints(plan.q_start) | right.joints(right.neutral)
     urdf = robot.description.text
-    with (
-        FakeRobot(BusNode("/baxter", bus), q, urdf=urdf, **options) as fake,
-        BusNode("/baxter_kin", bus) as node,
-        BaxterLink(cast(Node, node)) as link,
-    ):
-        names = [*left.joint_names, *right.joint_names]
-        assert link.wait_until(lambda: not link.joints.missing(names), 5.0)
-        yield Network(bus, fake, node, link)
+    with virtual_time() as clock:
+        bus = Bus(clock)
+        with (
+            FakeRobot(BusNode("/baxter", bus), q, urdf=urdf, **options) as fake,
+            BusNode("/baxter_kin", bus) as node,
+            BaxterLink(cast(Node, node)) as link,
+        ):
+            clock.sleep(0.1)
+            yield Network(bus, fake, node, link)
 
 
 @pytest.fixture(scope="session")
 def ready(robot: Baxter, demo_plan: Plan) -> ReadyPlan:
-    """What preflight made of the demo's plan at full speed."""
-    for network in networked(robot, demo_plan):
-        readiness = network.executor(options=PREPARED).prepare(demo_plan)
-        assert readiness.ready is not None, readiness.failures
-        return readiness.ready
-    raise AssertionError
+    """What was prepared of the demo's plan at full speed, and is executed as `FAST`."""
+    with networked(robot, demo_plan) as network:
+        found = network.executor(options=PREPARED).prepare(demo_plan)
+    assert found.ready is not None, found.failures
+    return evolve(found.ready, options=FAST)

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import json
 import math
-import threading
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from sim.ros1.definitions import message_type
+from tests.sim.ros1.execution.clock import TICK_S
 
 NAMES = tuple(
     f"{side}_{j}" for side in ("left", "right") for j in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]
 )
 CAPS = dict.fromkeys(["s0", "s1", "e0", "e1"], 2.0) | dict.fromkeys(["w0", "w1", "w2"], 4.0)
-TICK_S = 0.01
 FINGER_PERCENT_S = 200.0
 
 
@@ -58,6 +56,7 @@ class FakeRobot:
     def __init__(
         self, node: Any, q: Mapping[str, float], *, lag_s: float = 0.0, urdf: str = ""
     ) -> None:
+        self.clock = node.bus.clock
         self.node, self.q, self.lag_s = node, dict.fromkeys(NAMES, 0.0) | dict(q), lag_s
         self.goal = dict(self.q)
         self.v = dict.fromkeys(NAMES, 0.0)
@@ -77,9 +76,7 @@ class FakeRobot:
         node.set_parameter("/robot_description", urdf)
         self._ends = self._advertised()
         self._listen()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self.clock.on_tick.append(self.tick)
 
     def __enter__(self) -> FakeRobot:
         return self
@@ -88,14 +85,14 @@ class FakeRobot:
         self.close()
 
     def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
+        if self.tick in self.clock.on_tick:
+            self.clock.on_tick.remove(self.tick)
         self.node.close()
 
     def tell(self, **state: Any) -> None:
         """Publish a state at once, with some fields changed."""
         self.state |= state
-        self.told_s = time.monotonic()
+        self.told_s = self.clock.now_s
         self._say("/robot/state", **self.state)
 
     def _advertised(self) -> dict[str, tuple[Any, Any]]:
@@ -135,7 +132,7 @@ class FakeRobot:
 
     def _hear_command(self, heard: Any) -> None:
         asked = dict(zip(heard.message.names, map(float, heard.message.command), strict=True))
-        self.commands.append((time.monotonic(), asked))
+        self.commands.append((self.clock.now_s, asked))
         if self.state["enabled"]:
             self.goal |= asked
 
@@ -147,18 +144,13 @@ class FakeRobot:
             self.finger_goal, self.moving = json.loads(told.args)["position"], True
             self.gripping = False
 
-    def _run(self) -> None:
-        due = moved_s = time.monotonic()
-        while not self._stop.is_set():
-            passed_s, moved_s = time.monotonic() - moved_s, time.monotonic()
-            self._move_arms(passed_s)
-            self._move_fingers(passed_s)
-            self._publish()
-            due = max(due + TICK_S, time.monotonic())
-            time.sleep(max(0.0, due - time.monotonic()))
+    def tick(self) -> None:
+        """Move on for `TICK_S`, and report."""
+        self._move_arms(TICK_S)
+        self._move_fingers(TICK_S)
+        self._publish()
 
     def _move_arms(self, passed_s: float) -> None:
-        """Arms move on while the computer is busy with something else, as real ones do."""
         ratio = self.ratios[-1] if self.ratios else 0.3
         for name in NAMES:
             before = self.q[name]

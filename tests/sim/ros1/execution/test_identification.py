@@ -9,7 +9,7 @@ from baxter_kin import Baxter
 from planner import Plan
 from sim.errors import RosError, SimulationError
 from sim.ros1.execution import identification
-from sim.ros1.execution.identification import STEP_RAD, Identification
+from sim.ros1.execution.identification import STEP_RAD, Identification, lines_of
 from tests.sim.ros1.execution.conftest import Network, networked
 
 LAG_S = 0.25
@@ -26,7 +26,7 @@ def test_the_lag_of_every_joint_is_found(
     robot: Baxter, demo_plan: Plan, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "sim.ros1.execution.identification")
-    for network in networked(robot, demo_plan, lag_s=LAG_S):
+    with networked(robot, demo_plan, lag_s=LAG_S) as network:
         wait_for_arm(network)
         before = dict(network.robot.q)
         found = Identification(network.link, "left")
@@ -40,7 +40,7 @@ def test_the_lag_of_every_joint_is_found(
         moved = {name for _, asked in network.robot.commands for name in asked}
         assert moved == {f"left_{j}" for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")}
         assert all(abs(network.robot.q[name] - q) < 0.01 for name, q in before.items())
-        assert any("lag" in line for line in found.lines(response))
+        assert any("lag" in line for line in lines_of(response))
         progress = [record.getMessage() for record in caplog.records]
         assert progress[0] == "moving s0, joint 1 of 7"
         assert progress[6] == "moving w2, joint 7 of 7"

@@ -9,19 +9,22 @@ import pytest
 
 from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.fields import evolve
-from planner import Grip, Move, Plan, verify
+from planner import Certificate, Grip, Move, Plan, verify
 from sim.ros1.execution import readiness
-from sim.ros1.execution.guard.stages import MoveStage
-from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError, Readiness
-from sim.ros1.execution.stream.set_points import Pace
+from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, Readiness
+from sim.ros1.execution.set_points import Pace
 from tests.sim.ros1.execution.conftest import FAST, Network
 
 
+@pytest.fixture(scope="module")
+def certificate(demo_plan: Plan) -> Certificate:
+    return verify(demo_plan)
+
+
 @pytest.fixture(autouse=True)
-def _certified_once(monkeypatch: pytest.MonkeyPatch, demo_plan: Plan) -> None:
+def _certified_once(monkeypatch: pytest.MonkeyPatch, certificate: Certificate) -> None:
     """A certificate takes seconds; these tests are of other conditions, but for one."""
-    known = verify(demo_plan)
-    monkeypatch.setattr(readiness, "verify", lambda *_, **__: known)
+    monkeypatch.setattr(readiness, "verify", lambda *_, **__: certificate)
 
 
 def looked(network: Network, plan: Plan, options: ExecutionOptions = FAST) -> Readiness:
@@ -136,7 +139,7 @@ def test_a_move_without_room_for_the_guard_is_refused(
 ) -> None:
     ready = looked(network, demo_plan).ready
     assert ready is not None
-    first = next(stage for stage in ready.stages if isinstance(stage, MoveStage)).rooms[0]
+    first = ready.clearances[0]
     monkeypatch.setattr(readiness, "KEPT_M", min(first.clear_m) + 1e-3)
     found = looked(network, demo_plan)
     assert found.ready is None

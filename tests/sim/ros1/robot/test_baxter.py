@@ -15,10 +15,10 @@ from baxter_kin.kinematics.arm import LIMBS
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from sim import EventKind, World
-from sim.ros1.robot.baxter import LONGEST_LEAP, SimulatedBaxter
-from sim.ros1.robot.beginning import GAZEBO_START_RAD, furniture, start_rad
-from sim.ros1.robot.parts.electric_gripper import GripperOrder
-from sim.ros1.robot.parts.joint_order import BadOrderError
+from sim.ros1.robot.arm_motion import BadOrderError
+from sim.ros1.robot.baxter import MAX_TICKS, SimulatedBaxter
+from sim.ros1.robot.gripper import GripperOrder
+from sim.ros1.robot.startup import GAZEBO_START_RAD, furniture, start_rad
 from sim.world import contacts
 from tests.conftest import at, overhead
 from tests.sim.runs import Witness
@@ -123,7 +123,7 @@ class TestArms:
         baxter.order_joints("left", 1, ["left_s0"], [1.0])
         baxter.tick(late)
         assert len(witness.snapshots) == 1
-        assert baxter.time_s == pytest.approx(0.01 * min(late, LONGEST_LEAP))
+        assert baxter.time_s == pytest.approx(0.01 * min(late, MAX_TICKS))
         assert baxter.arms["left"].q[0] == pytest.approx(0.6 * baxter.time_s)
 
     def test_a_tucked_arm_is_where_it_says_and_its_world_at_the_limits(self, robot: Baxter) -> None:
@@ -248,7 +248,7 @@ class TestCarrying:
     def test_a_block_is_picked_up_and_carried(
         self, robot: Baxter, table: Body, block: Body, ik: IKService, lags: bool
     ) -> None:
-        from sim.ros1.robot.parts.arm_motion import Follow, Following  # noqa: PLC0415
+        from sim.ros1.robot.arm_motion import Follow, Following  # noqa: PLC0415
 
         bench = Bench(robot, table, block)
         following = Following(Follow.LAG if lags else Follow.EXACT)
@@ -258,7 +258,7 @@ class TestCarrying:
         bench.baxter.order_gripper("left", GripperOrder("go", '{"position": 0}', "me", 1))
         for _ in range(100):
             bench.baxter.tick()
-        assert bench.baxter.grippers["left"].is_gripping
+        assert bench.baxter.grippers["left"].fingers.is_gripping
         bench.move(solved(ik, ABOVE))
         lifted = bench.baxter.world.body("block").T_base_body.translation[2]
         assert lifted == pytest.approx(-0.155 + 0.079, abs=0.002)

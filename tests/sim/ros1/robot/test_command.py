@@ -21,7 +21,7 @@ from sim import read_log, read_recording
 from sim.ros1 import press
 from sim.ros1.master import Master
 from sim.ros1.node import Node
-from sim.ros1.robot.options import PROG, RobotOptions
+from sim.ros1.robot.__main__ import TERMINAL, RobotOptions
 from sim.ros1.robot.ros_robot import NAME
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.robot.client import CORE, Client
@@ -203,4 +203,4 @@ def test_its_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     assert not options.is_uncalibrated
     with pytest.raises(SystemExit):
         parse(RobotOptions, ["--help"])
-    assert PROG in capsys.readouterr().out
+    assert TERMINAL.name in capsys.readouterr().out

@@ -15,14 +15,13 @@ from sim import EventKind, World
 from sim.errors import RosError
 from sim.ros1.master import Master
 from sim.ros1.node import Node
-from sim.ros1.robot.beginning import start_rad
-from sim.ros1.robot.parts.panel import INPUTS, NAVIGATORS, OUTPUTS
+from sim.ros1.robot.panel import INPUTS, NAVIGATORS, OUTPUTS
 from sim.ros1.robot.ros_robot import NAME, RosRobot
+from sim.ros1.robot.startup import start_rad
 from tests.conftest import overhead
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.robot.client import CORE, IK, Client
-from tests.sim.ros1.robot.services.test_model_text import TABLE_SDF
-from tests.sim.ros1.robot.services.test_models import BLOCK_URDF
+from tests.sim.ros1.robot.test_gazebo import BLOCK_URDF, TABLE_SDF
 from tests.sim.runs import Witness
 
 JOINT_STATES = "/robot/joint_states", "sensor_msgs/JointState"
@@ -52,7 +51,7 @@ class TestRobot:
                 until(heard.copy)
 
     def test_everything_it_tells_can_be_read(self, served: RosRobot, client: Client) -> None:
-        topics = [o.publisher for o in served._outlets._outlets]
+        topics = served._publishers.publishers
         for publisher in topics:
             client.listen(publisher.topic, publisher.type.name)
         until(lambda: all(len(client.heard[p.topic]) >= 3 for p in topics))
@@ -114,7 +113,7 @@ class TestEnabling:
         stopped = client.until(*topic, lambda m: m.stopped)
         assert (stopped.enabled, stopped.estop_button, stopped.estop_source) == (False, 0, 2)
         client.say("/robot/set_super_enable", "std_msgs/Bool", data=True)
-        until(lambda: served.complaints.counts["/robot/set_super_enable"])
+        until(lambda: served.diagnostics.counts["/robot/set_super_enable"])
         assert not client.state.enabled
         client.say("/robot/set_super_reset", "std_msgs/Empty")
         client.until(*topic, lambda m: not m.stopped)
@@ -131,7 +130,7 @@ class TestEnabling:
         pressed = client.until(*topic, lambda m: m.stopped)
         assert (pressed.estop_button, pressed.estop_source) == (1, 1)
         client.say("/robot/set_super_reset", "std_msgs/Empty")
-        until(lambda: served.complaints.counts["/robot/set_super_reset"])
+        until(lambda: served.diagnostics.counts["/robot/set_super_reset"])
         assert client.state.stopped
         client.say("/robot/sim/press", "std_msgs/String", data="left release")
         client.until(*topic, lambda m: m.estop_button == 3)
@@ -156,7 +155,7 @@ class TestEnabling:
         ):
             client = Client(node)
             client.say("/robot/set_super_enable", "std_msgs/Bool", data=True)
-            until(lambda: served.complaints.counts["/robot/set_super_enable"])
+            until(lambda: served.diagnostics.counts["/robot/set_super_enable"])
             assert client.joints()["left_s1"] == -2.175
             assert not client.state.enabled
 
@@ -230,7 +229,7 @@ class TestArm:
         client.listen(*ROSOUT)
         for _ in range(5):
             client.send({"left_s0": 0.5, "left_s1": math.nan})
-        until(lambda: served.complaints.counts[f"{LEFT}/joint_command"] == 5)
+        until(lambda: served.diagnostics.counts[f"{LEFT}/joint_command"] == 5)
         assert client.joints() == before
         logs = until(lambda: [m for m in client.heard["/rosout"] if "nan" in m.msg])
         assert (
@@ -251,7 +250,7 @@ class TestArm:
         topic = f"{LEFT}/inverse_dynamics_command"
         client.say(topic, "trajectory_msgs/JointTrajectoryPoint", effort=[1.0] * 7)
         client.now(*JOINT_STATES)
-        assert not served.complaints.counts
+        assert not served.diagnostics.counts
 
     def test_nobody_listens_to_the_publish_rate_and_nobody_offers_trajectories(
         self, client: Client
@@ -305,7 +304,7 @@ class TestGripper:
         self, served: RosRobot, client: Client, what: str, kind: str
     ) -> None:
         client.say(f"{HAND}/rsdk/set_{what}", f"{CORE}/{kind}", id=7)
-        until(lambda: served.complaints.counts[f"{HAND}/rsdk/set_{what}"])
+        until(lambda: served.diagnostics.counts[f"{HAND}/rsdk/set_{what}"])
         assert client.gripper().id == 131073
 
 
@@ -414,7 +413,7 @@ class TestPanelAndHead:
         fan = "/robot/analog_io/torso_fan/state", f"{CORE}/AnalogIOState"
         client.until(*fan, lambda m: m.value == 40.0)
         client.say(*command, name="left_hand_range", value=1)
-        until(lambda: served.complaints.counts[command[0]])
+        until(lambda: served.diagnostics.counts[command[0]])
 
     def test_the_head_pans_and_nods(self, client: Client) -> None:
         client.enable()

@@ -11,11 +11,11 @@ import pytest
 from baxter_kin import Baxter
 from planner.scene.objects import URDF_FOLDER
 from sim import EventKind, World
-from sim.ros1.robot.parts.arm_motion import Follow, Following
+from sim.ros1.robot.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
 from tests.sim.ros1.debian import PYTHON
 from tests.sim.ros1.processes import Process, until
-from tests.sim.ros1.robot.services.test_model_text import TABLE_SDF
+from tests.sim.ros1.robot.test_gazebo import TABLE_SDF
 from tests.sim.runs import Witness
 
 SCRIPT = Path(__file__).with_name("demo_client.py")
@@ -45,7 +45,7 @@ def test_a_program_for_baxter_carries_a_block(
         world = served.baxter.world
         until(lambda: "cafe_table" not in world.scene.bodies)
         assert served.failure is None
-        assert not served.complaints.counts
+        assert not served.diagnostics.counts
     assert found["version"] == "1.2.0"
     assert found["spawned"] == [True, True]
     assert found["gripped"] == [1, 0]

@@ -1,1 +1,0 @@
-"""What `scripts/measure_ros1.py` measures."""

@@ -1,1 +1,0 @@
-"""What a Baxter reports to its clients, and what they send it."""

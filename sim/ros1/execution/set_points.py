@@ -1,0 +1,222 @@
+"""Set-points: what is sent to an arm during moves, slowed down and led, and when it is sent.
+
+The moves between two rests are one motion q(t) of plan time t. At speed s plan time passes s times
+as fast as time, so velocities are those of the plan times s. A robot that follows its set-points
+late, by a lag T to first order, is where it should be when q + T v is sent in place of q: its joint
+obeys T q' = u - q, and u = q + T q' is solved by q itself. That is the lead; it ends at the joint
+limits.
+
+Set-points are sent on a grid on the monotonic clock (`Schedule`). A tick that comes late is not
+made up by a burst: the next one is the next of the grid that has not passed. Plan time
+(`PlanTime`) follows the clock, but by two ticks at most from one set-point to the next, and by one
+where a tick is later than `MAX_LATENESS_S`. So a busy machine makes the arm late, and never jump.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from baxter_kin.fields import frozen, scalar
+from baxter_kin.validation import FloatArray, expect_all
+from planner import Grip, Move, Plan, Trajectory
+from planner.motion.response import MAX_LEAD_S, TICK_S
+from planner.trajectory import joined
+from sim.errors import SimulationError
+
+DEFAULT_SPEED = 0.3
+
+MAX_SPEED_RAD_S: tuple[float, ...] = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
+"""How fast a Baxter lets its joints s0 .. w2 turn in position mode, at speed ratio 1."""
+
+RESERVE = 1.2
+"""The robot's cap exceeds the speed that is sent by this factor, so that it does not cut it."""
+
+MIN_RATIO = 0.01
+
+REST_RAD_S = 1e-6
+"""Joints slower than this are at rest."""
+
+PEAK_STEP_S = 0.001
+"""Step of the search for the greatest speed that is sent."""
+
+MAX_LATENESS_S = 0.02
+"""A tick later than this advances plan time by one tick only."""
+
+MAX_STEP_TICKS = 2.0
+
+
+@frozen(error=SimulationError, eq=True)
+class Pace:
+    """How fast a plan is sent.
+
+    Attributes:
+        speed: of plan time to time, in (0, 1].
+        lead_s: how far the set-points lead along the velocity, 0 .. `MAX_LEAD_S`.
+
+    Raises:
+        SimulationError: when a value is no number or outside its range.
+    """
+
+    speed: float = scalar(above=0.0, most=1.0, default=DEFAULT_SPEED)
+    lead_s: float = scalar(least=0.0, most=MAX_LEAD_S, default=0.0)
+
+
+class SetPoint(NamedTuple):
+    """The set-point of one instant.
+
+    Attributes:
+        q_path: where the plan has the arm, shape (7,), rad.
+        q_sent: what is sent, shape (7,), rad, within the limits.
+    """
+
+    q_path: FloatArray
+    q_sent: FloatArray
+
+
+class SentMotion:
+    """Moves without a rest in between, as they are sent.
+
+    Attributes:
+        moves: in order; only the last one ends at rest.
+        trajectory: all of them, in plan time.
+        pace: speed and lead.
+        starts_s: plan times at which the moves begin, shape (n,).
+    """
+
+    def __init__(self, moves: Sequence[Move], pace: Pace) -> None:
+        """Join the moves."""
+        self.moves = expect_all(moves, Move, "the moves", SimulationError)
+        if not self.moves:
+            raise SimulationError("nothing to send: a motion needs at least one move")
+        self.trajectory = joined(move.trajectory for move in self.moves)
+        self.pace = pace
+        durations = [move.trajectory.duration for move in self.moves]
+        self.starts_s: FloatArray = np.cumsum([0.0, *durations[:-1]])
+
+    @property
+    def duration_s(self) -> float:
+        """Duration as it is sent."""
+        return self.trajectory.duration / self.pace.speed
+
+    def index_at(self, plan_s: float) -> int:
+        """Index of the move that is under way at a plan time."""
+        return int(np.searchsorted(self.starts_s, plan_s, side="right")) - 1
+
+    def at(self, plan_s: float) -> SetPoint:
+        """The set-point at a plan time from 0 to the end."""
+        state = self.trajectory.sample(min(plan_s, self.trajectory.duration))
+        return SetPoint(state.q, self._led(state.q, state.v))
+
+    def peak_speeds(self) -> FloatArray:
+        """The greatest speed of each joint from one set-point to the next, shape (7,), rad/s."""
+        count = max(2, int(np.ceil(self.duration_s / PEAK_STEP_S)) + 1)
+        times = np.linspace(0.0, self.trajectory.duration, count)
+        state = self.trajectory.sample(times)
+        steps = np.abs(np.diff(self._led(state.q, state.v), axis=0))
+        if self.duration_s == 0.0:
+            return np.zeros(steps.shape[1])
+        peaks: FloatArray = steps.max(axis=0) / (self.duration_s / (count - 1))
+        return peaks
+
+    def _led(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        limits, pace = self.trajectory.limits, self.pace
+        if pace.lead_s == 0.0:
+            return q
+        led: FloatArray = np.clip(q + pace.lead_s * pace.speed * v, limits.q_min, limits.q_max)
+        return led
+
+
+def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
+    """The same path at a speed in (0, 1], as an arm without lag follows it."""
+    if speed == 1.0:
+        return trajectory
+    return Trajectory(
+        trajectory.limits,
+        trajectory.knots_s / speed,
+        trajectory.q,
+        speed * trajectory.v,
+        speed**2 * trajectory.a,
+        speed**3 * trajectory.j,
+    )
+
+
+def motions_of(moves: Iterable[Move], pace: Pace) -> tuple[SentMotion, ...]:
+    """Consecutive moves as motions that each end at rest."""
+    motions, pending = [], list[Move]()
+    for move in moves:
+        pending.append(move)
+        if float(np.abs(move.trajectory.v[-1]).max()) < REST_RAD_S:
+            motions.append(SentMotion(pending, pace))
+            pending = []
+    return tuple(motions) if not pending else (*motions, SentMotion(pending, pace))
+
+
+def parts_of(plan: Plan, pace: Pace) -> Iterator[SentMotion | Grip]:
+    """Motions as they are sent, and the actions of the fingers between them, in order."""
+    for is_grip, steps in groupby(plan, lambda step: isinstance(step, Grip)):
+        parts = list(steps)
+        if is_grip:
+            yield from (step for step in parts if isinstance(step, Grip))
+        else:
+            yield from motions_of((step for step in parts if isinstance(step, Move)), pace)
+
+
+def speed_ratio_for(peaks: FloatArray) -> float:
+    """The speed ratio at which a Baxter's cap exceeds these peaks by `RESERVE`; 1 at most.
+
+    Args:
+        peaks: greatest speeds that are sent, shape (7,), rad/s.
+    """
+    needed = RESERVE * float((peaks / np.array(MAX_SPEED_RAD_S)).max())
+    return min(1.0, max(MIN_RATIO, needed))
+
+
+def too_fast(peaks: FloatArray) -> tuple[int, ...]:
+    """Indices of the joints that a Baxter cannot turn as fast as these peaks, shape (7,), rad/s."""
+    return tuple(np.flatnonzero(peaks > np.array(MAX_SPEED_RAD_S)).tolist())
+
+
+class Schedule:
+    """A grid of ticks.
+
+    Attributes:
+        due_s: when the next tick is due, on the clock.
+        lateness_s: how late the last tick was.
+    """
+
+    def __init__(self, now_s: float, tick_s: float = TICK_S) -> None:
+        """Begin the grid; the first tick is due now."""
+        self._tick_s, self._begin_s, self.due_s, self.lateness_s = tick_s, now_s, now_s, 0.0
+
+    def advance(self, now_s: float) -> float:
+        """Go on to the next tick; returns how late the one that has come is."""
+        self.lateness_s = max(0.0, now_s - self.due_s)
+        passed = math.floor((max(now_s, self.due_s) - self._begin_s) / self._tick_s + 1e-9)
+        self.due_s = self._begin_s + (passed + 1) * self._tick_s
+        return self.lateness_s
+
+
+class PlanTime:
+    """How far plan time has come, as time passes for the arm.
+
+    Attributes:
+        passed_s: so far; times the speed that is plan time.
+    """
+
+    def __init__(self, now_s: float, tick_s: float = TICK_S) -> None:
+        """Begin at zero."""
+        self._tick_s, self._last_s, self.passed_s = tick_s, now_s, 0.0
+
+    def advance(self, now_s: float) -> float:
+        """Advance to the tick that has come; returns `passed_s`."""
+        passed_s = max(0.0, now_s - self._last_s)
+        self._last_s = max(now_s, self._last_s)
+        if passed_s > self._tick_s + MAX_LATENESS_S:
+            passed_s = self._tick_s
+        self.passed_s += min(passed_s, MAX_STEP_TICKS * self._tick_s)
+        return self.passed_s

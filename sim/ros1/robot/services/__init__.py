@@ -1,1 +1,0 @@
-"""Services of the simulated Baxter: inverse kinematics, and models that come and go."""

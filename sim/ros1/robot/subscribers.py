@@ -1,0 +1,144 @@
+"""Subscribers: messages to the simulated Baxter, processed between two ticks in their order.
+
+An invalid message is ignored whole, counted, and reported at most once a second for a topic and its
+sender.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+
+from baxter_kin.kinematics.arm import LIMBS
+from sim.ros1.node import Node, Received
+from sim.ros1.robot.arm_motion import BadOrderError
+from sim.ros1.robot.baxter import SimulatedBaxter
+from sim.ros1.robot.diagnostics import Diagnostics
+from sim.ros1.robot.gripper import GripperOrder
+from sim.ros1_messages import Message
+
+CORE = "baxter_core_msgs"
+PRESS_TOPIC = "/robot/sim/press"
+"""Our own, `std_msgs/String`: "left ok", "right cuff", "left estop", "left release"."""
+
+MAX_WAITING = 10_000
+"""Messages that may wait for a tick; beyond that the oldest are dropped."""
+
+Act = Callable[[Message], object]
+"""Executes a message; returns a phrase for each value that was clipped, if any."""
+
+
+class Subscribers:
+    """All topics that the robot subscribes to."""
+
+    def __init__(self, baxter: SimulatedBaxter, node: Node, diagnostics: Diagnostics) -> None:
+        """Subscribe by a node."""
+        self._baxter, self._node, self._diagnostics = baxter, node, diagnostics
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
+        self._subscribe_to_robot()
+        for side in LIMBS:
+            self._subscribe_to_limb(side)
+            self._subscribe_to_hand(side)
+
+    def between_ticks(self, act: Callable[[], None]) -> Future[None]:
+        """Call a function between two ticks, in the thread that ticks."""
+        done: Future[None] = Future()
+
+        def do() -> None:
+            if not done.set_running_or_notify_cancel():
+                return
+            try:
+                act()
+            except Exception as cause:  # raised to the one that waits for the result
+                done.set_exception(cause)
+            else:
+                done.set_result(None)
+
+        self._waiting.append(do)
+        return done
+
+    def process(self) -> None:
+        """Process all that has arrived since the last time."""
+        for _ in range(len(self._waiting)):
+            self._waiting.popleft()()
+
+    def _on(self, topic: str, type_name: str, act: Act) -> None:
+        def wait(received: Received) -> None:
+            self._waiting.append(partial(self._process_one, topic, act, received))
+
+        self._node.subscribe(topic, type_name, wait)
+
+    def _process_one(self, topic: str, act: Act, received: Received) -> None:
+        try:
+            clipped = act(received.message)
+        except BadOrderError as cause:
+            self._report(topic, received.sender, str(cause))
+        else:
+            if isinstance(clipped, tuple) and clipped:
+                self._report(topic, received.sender, "; ".join(clipped))
+
+    def _report(self, topic: str, sender: str, text: str) -> None:
+        self._diagnostics.add(topic, sender, text, self._baxter.time_s)
+
+    def _subscribe_to_robot(self) -> None:
+        baxter, panel, head = self._baxter, self._baxter.panel, "/robot/head/command_head"
+        self._on("/robot/set_super_enable", "std_msgs/Bool", self._enable)
+        self._on("/robot/set_super_reset", "std_msgs/Empty", lambda _: baxter.reset())
+        self._on("/robot/set_super_stop", "std_msgs/Empty", lambda _: baxter.stop())
+        self._on(f"{head}_pan", f"{CORE}/HeadPanCommand", lambda m: baxter.order_head(m.target))
+        self._on(f"{head}_nod", "std_msgs/Bool", lambda m: baxter.nod() if m.data else None)
+        self._on(
+            "/robot/digital_io/command",
+            f"{CORE}/DigitalOutputCommand",
+            lambda m: panel.set_output(m.name, m.value),
+        )
+        self._on(
+            "/robot/analog_io/command",
+            f"{CORE}/AnalogOutputCommand",
+            lambda m: panel.set_analog(m.name, m.value),
+        )
+        self._on(PRESS_TOPIC, "std_msgs/String", self._press)
+
+    def _enable(self, message: Message) -> None:
+        if message.data:
+            self._baxter.enable()
+        else:
+            self._baxter.disable()
+
+    def _press(self, message: Message) -> None:
+        side, _, button = message.data.partition(" ")
+        self._baxter.press(side, button)
+
+    def _subscribe_to_limb(self, side: str) -> None:
+        baxter, arm, limb = self._baxter, self._baxter.arms[side], f"/robot/limb/{side}"
+        self._on(
+            f"{limb}/joint_command",
+            f"{CORE}/JointCommand",
+            lambda m: baxter.order_joints(side, m.mode, m.names, m.command.tolist()),
+        )
+        number = "std_msgs/Float64"
+        self._on(f"{limb}/set_speed_ratio", number, lambda m: arm.set_speed_ratio(m.data))
+        self._on(f"{limb}/joint_command_timeout", number, lambda m: arm.set_timeout(m.data))
+        self._on(
+            f"{limb}/suppress_collision_avoidance",
+            "std_msgs/Empty",
+            lambda _: baxter.assembly.suppress_collision_avoidance(baxter.time_s),
+        )
+        feed_forward = "trajectory_msgs/JointTrajectoryPoint"  # of torques; nothing has a mass
+        self._on(f"{limb}/inverse_dynamics_command", feed_forward, lambda _: None)
+
+    def _subscribe_to_hand(self, side: str) -> None:
+        hand = f"/robot/end_effector/{side}_gripper"
+
+        def order(m: Message) -> None:
+            self._baxter.order_gripper(side, GripperOrder(m.command, m.args, m.sender, m.sequence))
+
+        self._on(f"{hand}/command", f"{CORE}/EndEffectorCommand", order)
+        for what, kind in (("properties", "EndEffectorProperties"), ("state", "EndEffectorState")):
+            self._on(f"{hand}/rsdk/set_{what}", f"{CORE}/{kind}", _refuse_custom)
+
+
+def _refuse_custom(_: Message) -> None:
+    raise BadOrderError("custom end effectors are not simulated; the hand stays as it is")

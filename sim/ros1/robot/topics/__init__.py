@@ -1,1 +1,0 @@
-"""Topics of the simulated Baxter: what it tells, and what it is told."""

@@ -1,0 +1,172 @@
+"""Set-points: what is sent follows from the plan, its speed and its lead."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Arm
+from planner import Grip, Move, Plan, plan_joint_move
+from planner.motion.response import TICK_S
+from sim.errors import SimulationError
+from sim.ros1.execution.set_points import (
+    MAX_SPEED_RAD_S,
+    Pace,
+    PlanTime,
+    Schedule,
+    SentMotion,
+    motions_of,
+    parts_of,
+    slowed,
+    speed_ratio_for,
+    too_fast,
+)
+
+PACES = st.builds(Pace, st.floats(0.05, 1.0), st.floats(0.0, 0.5))
+ROUNDING = 1e-9
+
+
+@pytest.fixture(scope="module")
+def move(left: Arm) -> Move:
+    goal = left.neutral + np.array([0.5, -0.4, 0.3, 0.2, -0.6, 0.5, 0.4])
+    return Move("there", plan_joint_move(left.neutral, goal, left.limits))
+
+
+@given(pace=PACES, share=st.floats(0.0, 1.0))
+def test_it_is_the_plan_ahead_by_its_velocity_within_the_limits(
+    move: Move, pace: Pace, share: float
+) -> None:
+    motion, trajectory = SentMotion([move], pace), move.trajectory
+    t = share * trajectory.duration
+    q, v, _ = trajectory.sample(t)
+    sent = motion.at(t)
+    assert np.array_equal(sent.q_path, q)
+    wanted = np.clip(
+        q + pace.lead_s * pace.speed * v, trajectory.limits.q_min, trajectory.limits.q_max
+    )
+    assert np.abs(sent.q_sent - wanted).max() < ROUNDING
+
+
+def test_a_joint_that_lags_by_the_lead_is_where_the_plan_has_it(move: Move) -> None:
+    lag_s, step_s = 0.3, 1e-4
+    motion = SentMotion([move], Pace(0.8, lag_s))
+    q, worst = move.trajectory.q_start.copy(), 0.0
+    for number in range(int(motion.duration_s / step_s)):
+        at = motion.at(0.8 * (number + 0.5) * step_s)  # the middle of the step
+        q += (at.q_sent - q) * step_s / lag_s
+        worst = max(worst, float(np.abs(q - motion.at(0.8 * (number + 1) * step_s).q_path).max()))
+    assert worst < 1e-4  # of the integration; without the lead it is some tenths of a radian
+
+
+@given(pace=PACES)
+def test_no_joint_is_sent_faster_than_its_peak_says(move: Move, pace: Pace) -> None:
+    motion = SentMotion([move], pace)
+    times = np.arange(0.0, motion.duration_s, TICK_S) * pace.speed
+    sent = np.array([motion.at(t).q_sent for t in times])
+    assert (np.abs(np.diff(sent, axis=0)) / TICK_S <= motion.peak_speeds() + 1e-3).all()
+
+
+@given(st.lists(st.floats(0.0, 1.6), min_size=7, max_size=7))
+def test_the_cap_exceeds_what_is_sent_by_a_fifth(peaks: list[float]) -> None:
+    cap = speed_ratio_for(np.array(peaks)) * np.array(MAX_SPEED_RAD_S)
+    assert (cap >= 1.2 * np.array(peaks) - ROUNDING).all()
+
+
+def test_what_no_cap_allows_is_named() -> None:
+    peaks = np.array([0.1, 2.1, 0.1, 0.1, 0.1, 0.1, 3.9])
+    assert too_fast(peaks) == (1,)
+    assert speed_ratio_for(peaks) == 1.0
+
+
+def test_moves_that_pass_into_each_other_are_one_motion(demo_plan: Plan) -> None:
+    approach, descend, retract, *_ = demo_plan.moves
+    motions = motions_of([approach, descend, retract], Pace(0.5))
+    assert [[move.label for move in motion.moves] for motion in motions] == [
+        ["pick: approach", "pick: descend"],
+        ["pick: retract"],
+    ]
+    both = approach.trajectory.duration + descend.trajectory.duration
+    assert motions[0].duration_s == pytest.approx(both / 0.5)
+    assert motions[0].index_at(approach.trajectory.duration + 1e-6) == 1
+    assert motions[0].index_at(approach.trajectory.duration - 1e-6) == 0
+
+
+def test_the_fingers_act_between_the_motions(demo_plan: Plan) -> None:
+    parts = parts_of(demo_plan, Pace(0.5))
+    labels = [p.label if isinstance(p, Grip) else [move.label for move in p.moves] for p in parts]
+    assert labels == [
+        *("pick: open", ["pick: approach", "pick: descend"], "pick: close"),
+        *(["pick: retract", "place: approach", "place: descend"], "place: open"),
+        ["place: retract"],
+    ]
+
+
+@given(speed=st.floats(0.05, 1.0), share=st.floats(0.0, 1.0))
+def test_a_slowed_motion_goes_the_same_way(move: Move, speed: float, share: float) -> None:
+    slow, t = slowed(move.trajectory, speed), share * move.trajectory.duration
+    fast = move.trajectory.sample(t)
+    state = slow.sample(t / speed)
+    assert np.abs(state.q - fast.q).max() < 1e-6
+    assert np.abs(state.v - speed * fast.v).max() < 1e-6
+
+
+@pytest.mark.parametrize(("speed", "lead_s"), [(0.0, 0.0), (1.1, 0.0), (0.5, -0.1), (0.5, 1.5)])
+def test_rejects_what_is_no_pace(speed: float, lead_s: float) -> None:
+    with pytest.raises(SimulationError, match=r"speed|lead_s"):
+        Pace(speed, lead_s)
+
+
+DELAYS_S = st.lists(st.floats(0.0, 0.3), min_size=1, max_size=60)
+ROUNDING_S = 1e-9
+
+
+def driven(delays_s: list[float], begin_s: float = 100.0) -> tuple[list[float], list[float]]:
+    """When ticks come that are each late by so much, and how far plan time has come at each."""
+    schedule, clock = Schedule(begin_s), PlanTime(begin_s)
+    came, passed = [], []
+    now_s = begin_s
+    for delay_s in delays_s:
+        now_s = max(now_s, schedule.due_s) + delay_s
+        schedule.advance(now_s)
+        came.append(now_s)
+        passed.append(clock.advance(now_s))
+    return came, passed
+
+
+@given(DELAYS_S)
+def test_plan_time_neither_jumps_nor_overtakes_the_clock(delays_s: list[float]) -> None:
+    came, passed = driven(delays_s)
+    steps = np.diff([0.0, *passed])
+    gone = np.diff([100.0, *came])
+    assert (steps >= 0.0).all()
+    assert (steps <= np.minimum(gone, 2 * TICK_S) + ROUNDING_S).all()
+
+
+@given(DELAYS_S)
+def test_a_late_tick_is_not_made_up_by_a_burst(delays_s: list[float]) -> None:
+    schedule, now_s = Schedule(0.0), 0.0
+    slots = []
+    for delay_s in delays_s:
+        slots.append(round(schedule.due_s / TICK_S))
+        assert schedule.due_s == pytest.approx(slots[-1] * TICK_S)
+        now_s = max(now_s, schedule.due_s) + delay_s
+        assert schedule.advance(now_s) == pytest.approx(now_s - slots[-1] * TICK_S)
+        assert schedule.due_s > now_s - ROUNDING_S  # the next one is not due already
+    assert len(set(slots)) == len(slots)
+
+
+def test_plan_time_is_the_clock_where_nothing_is_late() -> None:
+    _, passed = driven([0.0] * 101)
+    assert passed[-1] == pytest.approx(1.0)
+
+
+def test_a_tick_of_more_than_20_ms_late_lets_plan_time_stand_still() -> None:
+    _, passed = driven([0.0, 0.13])
+    assert passed == pytest.approx([0.0, TICK_S])
+
+
+def test_a_tick_of_15_ms_late_is_caught_up_with_by_two_ticks_at_most() -> None:
+    _, passed = driven([0.0, 0.015])
+    assert passed == pytest.approx([0.0, 2 * TICK_S])
