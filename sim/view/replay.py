@@ -186,7 +186,7 @@ def replay_content(
     compare: Recording | None = None,
     uncounted: Collection[str] = (),
 ) -> Command:
-    """What the page decodes: commands, the geometries they share, the story and the panel's data.
+    """What the page decodes: commands, their geometries, the timeline and the panel's data.
 
     Args:
         recording: what happened.
@@ -234,7 +234,7 @@ def replay_content(
         "geometries": shared_geometries(commands),
         "commands": commands,
         "duration": duration_s,
-        **_story(recording, phases, pieces),
+        **_timeline(recording, phases, pieces),
         "arms": recorded_arms(recording, robot),
         "clearance": clearance,
         "unmeasured": reason,
@@ -263,7 +263,7 @@ def _without(recording: Recording, names: Collection[str]) -> Recording:
     )
 
 
-def _story(
+def _timeline(
     recording: Recording,
     phases: Mapping[str, Sequence[tuple[float, GripperPhase]]],
     pieces: Mapping[str, PathPiece],

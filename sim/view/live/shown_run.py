@@ -224,7 +224,7 @@ class _ArmState:
         return {"q": q.tolist(), "v": v.tolist(), "a": a.tolist()}
 
     def _exact(self, time_s: float, q: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Those of the move under way, if the arm is where the move has it."""
+        """Velocity and acceleration of the move under way, if the arm is where the move has it."""
         move = self._move
         if move is None or not move.start_s <= time_s <= move.end_s:
             return None
