@@ -53,7 +53,7 @@ from planner.plan import Move
 from sim import Recorder, Recording, Simulation, World
 from sim.ros1.execution.guard import NotClearError, clearances_of
 from sim.ros1.execution.set_points import Pace, motions_of
-from sim.view import replay_content
+from sim.view.replay import replay_content
 
 SEED = 34
 FAMILIES = ("plain", "obstacles", "odd bodies", "bins", "margins", "rods")
@@ -216,8 +216,7 @@ def _replay(family: str, number: int) -> Any:
     if recording is None:
         return None
     _, manipulator = _planned(family, number)
-    measured = replay_content._measured(recording, manipulator.robot, None)
-    content = replay_content._content(recording, manipulator.robot, None, None, measured)
+    content = replay_content(recording, manipulator.robot)
     drawn = {name: content.pop(name) for name in ("geometries", "commands")}
     text = json.dumps(_plain(drawn), sort_keys=True, default=str)
     return {**content, "drawn": hashlib.sha256(text.encode()).hexdigest()}

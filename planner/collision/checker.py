@@ -161,7 +161,7 @@ class ClearanceChecker(OneLine):
             ConfigurationError: when `q` has another shape or is not finite.
         """
         full = self.configuration(q)
-        pair, distance_m = self._nearest(full)
+        pair, distance_m = self.nearest(full)
         return self.checked.clearance_of(pair, distance_m)
 
     def configuration(self, q: ArrayLike, what: str = "q") -> FloatArray:
@@ -202,20 +202,29 @@ class ClearanceChecker(OneLine):
         distances.place(bounds.place(full, full[bounds.q_index][None]).shapes[0])
         return [distances.measure(pair, within_m) for pair in pairs]
 
-    def _facts(self) -> tuple[str, ...]:
-        return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
+    def nearest(
+        self, full: FloatArray, among: Indices | None = None, below_m: float = np.inf
+    ) -> tuple[int, float]:
+        """The nearest pair at a valid full configuration, and its distance.
 
-    def _nearest(self, full: FloatArray) -> tuple[int, float]:
-        """The nearest pair and its distance; lower bounds below zero are no bounds on a depth."""
+        Intended contacts count only where the two are nearer than allowed.
+
+        Args:
+            full: the configuration, shape (19,).
+            among: numbers of the pairs that count, at least one; all by default.
+            below_m: the result is this distance where no pair is nearer.
+        """
         placing, distances = self.motion_bounds, self.checked.distances
         poses = placing.place(full, full[placing.q_index][None]).shapes
         distances.place(poses[0])
-        pairs = np.arange(len(self.pairs))
+        pairs = np.arange(len(self.pairs)) if among is None else among
         bounds = self.checked.gaps_m(poses, np.zeros_like(pairs), pairs)
-        nearest, least_m = 0, np.inf
-        for pair in np.argsort(bounds).tolist():
-            if bounds[pair] >= max(least_m, 0.0):
+        nearest, least_m = int(pairs[0]), below_m
+        for number in np.argsort(bounds).tolist():
+            # lower bounds below zero are no bounds on a depth
+            if bounds[number] >= max(least_m, 0.0):
                 break
+            pair = int(pairs[number])
             distance_m = distances.measure(pair, max(least_m, 0.0))
             if distance_m > 0.0 and distances.is_within(pair):
                 distance_m = UNKNOWN_DEPTH_M
@@ -223,6 +232,9 @@ class ClearanceChecker(OneLine):
             if distance_m < least_m and not distance_m > need_m:  # NaN: without an own need
                 nearest, least_m = pair, distance_m
         return nearest, least_m
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
 
 
 def _check_situation(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -13,7 +11,6 @@ from sim import CsvRecorder, Observer, Recorder, World
 from sim.demo.options import DemoOptions
 from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
 from sim.recording.record_file import recorder_of
-from sim.view.live.in_browser import can_open, open_page, where_to_look
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.view.live.viewer import Viewer
@@ -79,10 +76,5 @@ def live_view(options: DemoOptions, world: World, say: Say, cleanup: ExitStack) 
 
     viewer = cleanup.enter_context(Viewer(world.robot, port=options.port))
     viewer.show(world.q, {}, "ready")
-    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
-    for line in where_to_look(viewer.url, os.environ, is_opened, options.wait_s):
-        say(line)
-    if is_opened:
-        open_page(viewer.url)
-    viewer.wait_for_client(options.wait_s)
+    viewer.present(say, may_open=not options.no_browser, wait_s=options.wait_s)
     return viewer

@@ -7,7 +7,6 @@ and 143 stopped by Ctrl-C and by SIGTERM.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -132,16 +131,11 @@ def _observers(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> list[
 
 def _view(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> Observer:
     """The live view, opened in a browser where there is one."""
-    from sim.view.live.in_browser import can_open, open_page, where_to_look  # noqa: PLC0415
     from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
 
     viewer = stack.enter_context(Viewer(robot, port=options.port, keeps_time=False))
-    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
-    for line in where_to_look(viewer.url, os.environ, is_opened, 0.0):
-        TERMINAL.say(line)
+    viewer.present(TERMINAL.say, may_open=not options.no_browser)
     TERMINAL.say("Ctrl-C ends it")
-    if is_opened:
-        open_page(viewer.url)
     return viewer
 
 

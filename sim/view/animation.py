@@ -1,8 +1,8 @@
 """A recording as Meshcat animation: one track for each property that changes.
 
-Few keyframes instead of many samples: these are first taken at no more than `FRAMES_PER_S`; then
-those that their neighbours already say by straight interpolation are left out (Ramer 1972; Douglas
-and Peucker 1973, with the deviation measured at equal time instead of across the line).
+Samples are taken at no more than `FRAMES_PER_S`. Of these, keyframes are the ones from which linear
+interpolation gives the others (Ramer 1972; Douglas and Peucker 1973, with the deviation measured at
+equal time instead of across the line).
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
-from sim.view.drawn_bodies import body_path
-from sim.view.meshcat_commands import Command, set_property, short_numbers
-from sim.view.scenegraph import RobotTree
+from sim.view.encoding import Command
+from sim.view.meshcat_commands import set_property, short_numbers
+from sim.view.scenegraph import RobotTree, body_path
 
 JOINT_TOLERANCE = 2e-4
-"""How far a replayed joint may be off, rad or m: 0.2 mm for each metre of arm."""
+"""Maximum error of a replayed joint, rad or m: 0.2 mm for each metre of arm."""
 
 POSE_TOLERANCE = 2e-4
-"""How far a replayed body may be off: metres, and parts of a unit quaternion."""
+"""Maximum error of a replayed body: metres, and parts of a unit quaternion."""
 
 VALUE_STEP = 2.0**-15
-"""Values are rounded to this, metres or parts of a unit quaternion: a sixth of the tolerances."""
+"""Resolution of values, m or parts of a unit quaternion: a sixth of the tolerances."""
 
 _TYPES = {"position": "vector", "quaternion": "quaternion", "visible": "bool"}
-"""What three.js calls the values of a property."""
+"""Names that three.js has for the values of a property."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class Track:
 
     @property
     def is_constant(self) -> bool:
-        """Whether it says the same all the time."""
+        """Whether its values are all equal."""
         return bool((self.values == self.values[0]).all())
 
     def first(self) -> Command:
@@ -72,12 +72,12 @@ class Track:
 
 
 def recorded_tracks(recording: Recording, tree: RobotTree, root: str = "") -> Iterator[Track]:
-    """Everything that moves, appears or disappears in a recording, from time zero.
+    """The tracks of everything that moves, appears or disappears, from time zero.
 
     Args:
         recording: what happened.
         tree: the robot.
-        root: the node below which the bodies are.
+        root: the node above the bodies.
     """
     times = recording.times_s - recording.times_s[0]
     for joint in range(len(tree.paths)):
@@ -87,7 +87,7 @@ def recorded_tracks(recording: Recording, tree: RobotTree, root: str = "") -> It
 
 
 def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Command]:
-    """Commands that put every node to its first state, and the animation as the last of them."""
+    """Commands that set every node to its first state; the animation is the last of them."""
     tracks = list(tracks)
     by_path: dict[str, list[Command]] = {}
     for track in tracks:
@@ -103,11 +103,11 @@ def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Comma
 
 
 def _joint_track(tree: RobotTree, joint: int, times: FloatArray, q: FloatArray) -> Track:
-    """Between keyframes the browser turns the short way, so they are at most a radian apart."""
+    """Keyframes are at most a radian apart: between them, the browser turns the short way."""
     frames = frame_samples(times)
     times, q = times[frames], q[frames]
-    telling = telling_samples(times, q[:, None], JOINT_TOLERANCE)
-    chosen = np.union1d(telling, np.flatnonzero(np.diff(np.floor(q))))
+    chosen = key_samples(times, q[:, None], JOINT_TOLERANCE)
+    chosen = np.union1d(chosen, np.flatnonzero(np.diff(np.floor(q))))
     key, values = tree.motions(joint, q[chosen])
     return Track(tree.paths[joint], key, times[chosen], values)
 
@@ -120,20 +120,15 @@ def _body_tracks(path: str, times: FloatArray, poses: FloatArray) -> Iterator[Tr
     if not present.any():
         return
     frames = np.union1d(frame_samples(times), np.concatenate([changes - 1, changes]))
-    poses = _continued(poses, present)[frames]
-    for key, values in (("position", poses[:, :3]), ("quaternion", _same_side(poses[:, 3:]))):
-        telling = telling_samples(times[frames], values, POSE_TOLERANCE)
-        yield Track(path, key, times[frames][telling], values[telling])
-
-
-def _continued(poses: FloatArray, present: NDArray[np.bool_]) -> FloatArray:
-    """The poses with those missing taken from the last one before, or the first one after."""
     last = np.maximum.accumulate(np.where(present, np.arange(len(poses)), -1))
-    return poses[np.where(last < 0, present.argmax(), last)]
+    poses = poses[np.where(last < 0, present.argmax(), last)][frames]  # where it was, if absent
+    for key, values in (("position", poses[:, :3]), ("quaternion", _same_side(poses[:, 3:]))):
+        chosen = key_samples(times[frames], values, POSE_TOLERANCE)
+        yield Track(path, key, times[frames][chosen], values[chosen])
 
 
 def _same_side(quats_xyzw: FloatArray) -> FloatArray:
-    """The same rotations, each quaternion on the side of the sphere where the one before it is."""
+    """Quaternions of the same rotations, each in the half of the sphere of the previous one."""
     dots = np.einsum("ij,ij->i", quats_xyzw[1:], quats_xyzw[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)]))
     return quats_xyzw * signs[:, None]
@@ -143,7 +138,7 @@ FRAMES_PER_S = 30.0
 
 
 def frame_samples(times_s: FloatArray) -> NDArray[np.intp]:
-    """Indices of at most `FRAMES_PER_S` samples a second, with the first and the last.
+    """Indices of at most `FRAMES_PER_S` samples a second, including the first and the last.
 
     Args:
         times_s: shape (n,), strictly increasing.
@@ -153,16 +148,13 @@ def frame_samples(times_s: FloatArray) -> NDArray[np.intp]:
     return np.union1d(first_of_frame, [len(times_s) - 1])
 
 
-def telling_samples(times_s: FloatArray, values: FloatArray, tolerance: float) -> NDArray[np.intp]:
-    """Indices of the samples from which straight interpolation gives all the others.
+def key_samples(times_s: FloatArray, values: FloatArray, tolerance: float) -> NDArray[np.intp]:
+    """Indices of the samples from which linear interpolation gives all others, in order.
 
     Args:
         times_s: shape (n,), strictly increasing.
         values: shape (n, k).
-        tolerance: how far a value left out may be off, in the unit of `values`.
-
-    Returns:
-        The first and the last sample, and what is needed between them, in order.
+        tolerance: maximum error of an interpolated value, in the unit of `values`.
     """
     kept = np.zeros(len(times_s), dtype=bool)
     kept[[0, -1]] = True
@@ -171,16 +163,11 @@ def telling_samples(times_s: FloatArray, values: FloatArray, tolerance: float) -
         start, end = open_spans.pop()
         if end - start < 2:
             continue
-        worst, deviation = _worst(times_s[start : end + 1], values[start : end + 1])
-        if deviation > tolerance:
+        t, x = times_s[start : end + 1], values[start : end + 1]
+        share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
+        errors = np.abs(x[0] + share * (x[-1] - x[0]) - x).max(axis=1)
+        worst = int(errors.argmax())
+        if errors[worst] > tolerance:
             kept[start + worst] = True
             open_spans += [(start, start + worst), (start + worst, end)]
     return np.flatnonzero(kept)
-
-
-def _worst(times_s: FloatArray, values: FloatArray) -> tuple[int, float]:
-    """The sample farthest from the straight line between the ends, and how far it is."""
-    share = ((times_s - times_s[0]) / (times_s[-1] - times_s[0]))[:, None]
-    deviations = np.abs(values[0] + share * (values[-1] - values[0]) - values).max(axis=1)
-    worst = int(deviations.argmax())
-    return worst, float(deviations[worst])

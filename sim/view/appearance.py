@@ -7,7 +7,7 @@ uniform scale, so that nothing is converted between the file and the browser.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from typing import Any
@@ -47,17 +47,15 @@ TOOL_RGB = (0.45, 0.47, 0.50)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkMesh:
-    """Triangles of one surface.
-
-    A vertex is at `centre_m + scale_m * vertices`, in the frame of the mesh.
+    """Triangles of one surface; `points_m` are its vertices in the frame of the mesh.
 
     Attributes:
         name: unique in the asset, such as "W2.0".
         vertices: shape (n, 3), int16.
         normals: shape (n, 3), int8, of length 127; several vertices share a place at sharp edges.
         faces: shape (m, 3), uint16, counter-clockwise seen from outside.
-        centre_m: shape (3,), metres.
-        scale_m: metres for each unit of `vertices`.
+        centre_m: the vertex 0, shape (3,), m.
+        scale_m: metres per unit of `vertices`.
     """
 
     name: str
@@ -68,8 +66,6 @@ class LinkMesh:
     scale_m: float
 
     def __post_init__(self) -> None:
-        if self.vertices.shape != self.normals.shape or self.faces.max() >= len(self.vertices):
-            raise SimulationError(f"{_ASSET} is damaged: mesh {self.name}; reinstall the package")
         for array in (self.vertices, self.normals, self.faces, self.centre_m):
             array.setflags(write=False)
 
@@ -84,9 +80,9 @@ class RobotPart:
     """One mesh, painted and fixed to a joint.
 
     Attributes:
-        mesh: what to draw.
-        joint: the joint it moves with; "universe" does not move.
-        T_joint_mesh: where it sits, seen from the joint's moving frame.
+        mesh: its shape.
+        joint: the joint that moves it; "universe" does not move.
+        T_joint_mesh: pose of the mesh, seen from the joint's moving frame.
         rgb: red, green and blue, 0 .. 1, as shown on the screen.
     """
 
@@ -98,27 +94,24 @@ class RobotPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Appearance:
-    """All of the robot that can be seen.
+    """All visible parts of a robot.
 
     Attributes:
-        meshes: by name, each one once, though arms and fingers share them.
-        parts: what hangs where.
+        parts: the meshes on the joints; arms and fingers share meshes.
         notice: the licence of the meshes.
-        spares: parts of hands that the stock robot lacks, where they would be mounted on its left.
+        spares: parts of hands that the stock robot lacks, as mounted on its left hand.
     """
 
-    meshes: Mapping[str, LinkMesh]
     parts: tuple[RobotPart, ...]
     notice: str
     spares: tuple[RobotPart, ...] = ()
 
     @classmethod
     def of(cls, robot: Baxter) -> Appearance:
-        """That of a robot: every mesh on its link, wherever the robot's own description puts it.
+        """The appearance of a robot: every mesh on its link, where the robot's description has it.
 
-        A hand without gripper is bare; fingers and tips are those that are mounted, and a tool is
-        of its own shapes. Where a link is rigid to the one that a joint moves, the meshes go along
-        when it sits elsewhere than on the stock robot.
+        A hand without gripper is bare; fingers and tips are those that are mounted, and a tool has
+        its own shapes.
         """
         drawn = Baxter.load(RobotDescription.as_in_urdf().text).model
         whole, tree = cls.load(), robot.description.tree
@@ -126,9 +119,7 @@ class Appearance:
         shown = (_of_own_mesh(part, known, tree) for part in whole.parts)
         parts = [_on(robot.model, drawn, part) for part in shown]
         parts += [_tool(robot.model, joint) for joint in tree.joints if is_tool(joint.child)]
-        there = tuple(part for part in parts if part is not None)
-        meshes = {part.mesh.name: part.mesh for part in there}
-        return Appearance(FrozenMapping(meshes), there, whole.notice)
+        return Appearance(tuple(part for part in parts if part is not None), whole.notice)
 
     @classmethod
     def load(cls) -> Appearance:
@@ -143,18 +134,18 @@ class Appearance:
 
 
 def _stem(part: RobotPart) -> str:
-    """The name of the mesh file that a part is of."""
+    """The name of the mesh file of a part."""
     return part.mesh.name.split(".")[0]
 
 
 def _link(part: RobotPart) -> str:
-    """The link that a part belongs to, where it is not the one that a joint moves; else ""."""
+    """The link of a part, unless it is the one that a joint moves; then ""."""
     finger = part.joint.removesuffix("_joint")
     return _FIXED_LINKS.get(_stem(part), "").format(side=part.joint.split("_")[0], finger=finger)
 
 
 def _of_own_mesh(part: RobotPart, parts: Sequence[RobotPart], tree: Urdf) -> RobotPart:
-    """A part of a finger or tip as a robot has it: as the asset has it on the same finger."""
+    """A part, with the mesh of the finger or tip that the robot has there."""
     link = _link(part) or part.joint.removesuffix("_joint")
     if not is_finger(link) or link not in tree.by_child:
         return part
@@ -165,7 +156,7 @@ def _of_own_mesh(part: RobotPart, parts: Sequence[RobotPart], tree: Urdf) -> Rob
 
 
 def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
-    """A shape of a tool, every face flat."""
+    """A shape of a tool, with flat faces."""
     vertices, triangles = polyhedron_around(joint.shapes[0])
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -185,7 +176,7 @@ def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
 
 
 def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None:
-    """A part of the stock robot where a robot has it; None where it has no such link."""
+    """A part of the stock robot where another robot has it; None where that lacks the link."""
     link = _link(part)
     if not model.existJointName(part.joint) or (link and not model.existFrame(link)):
         return None
@@ -197,28 +188,19 @@ def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None
 
 
 def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:
-    names = [str(name) for kind in ("part", "spare") for name in arrays[f"{kind}_mesh"]]
-    meshes = {name: _mesh(name, arrays) for name in dict.fromkeys(names)}
-    parts, spares = (tuple(_parts(kind, meshes, arrays)) for kind in ("part", "spare"))
-    return Appearance(FrozenMapping(meshes), parts, str(arrays["notice"]), spares)
-
-
-def _parts(
-    kind: str, meshes: Mapping[str, LinkMesh], arrays: Mapping[str, NDArray[Any]]
-) -> Iterator[RobotPart]:
-    columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
-    for name, joint, pose, (r, g, b) in zip(*columns, strict=True):
-        rgb = float(r), float(g), float(b)
-        yield RobotPart(meshes[str(name)], str(joint), pin.XYZQUATToSE3(pose), rgb)
+    meshes: dict[str, LinkMesh] = {}
+    parts: dict[str, list[RobotPart]] = {"part": [], "spare": []}
+    for kind, found in parts.items():
+        columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
+        for mesh, joint, pose, (r, g, b) in zip(*columns, strict=True):
+            name = str(mesh)
+            meshes[name] = meshes.get(name) or _mesh(name, arrays)
+            rgb = float(r), float(g), float(b)
+            found.append(RobotPart(meshes[name], str(joint), pin.XYZQUATToSE3(pose), rgb))
+    return Appearance(tuple(parts["part"]), str(arrays["notice"]), tuple(parts["spare"]))
 
 
 def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> LinkMesh:
     *centre, scale = arrays[f"{name}/centre_scale"]
-    return LinkMesh(
-        name=name,
-        vertices=arrays[f"{name}/vertices"],
-        normals=arrays[f"{name}/normals"],
-        faces=arrays[f"{name}/faces"],
-        centre_m=np.array(centre),
-        scale_m=float(scale),
-    )
+    vertices, normals, faces = (arrays[f"{name}/{x}"] for x in ("vertices", "normals", "faces"))
+    return LinkMesh(name, vertices, normals, faces, np.array(centre), float(scale))

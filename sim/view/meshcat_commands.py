@@ -1,4 +1,4 @@
-"""Meshcat's commands: what its viewer understands, as plain dictionaries and as bytes.
+"""Meshcat's commands: what its viewer understands, as plain dictionaries.
 
 The form is that of Meshcat 0.3, whose objects are those of three.js' object format 4. Importing
 Meshcat's Python side for it would cost a third of a second, and a server in a process of its own.
@@ -6,32 +6,18 @@ Meshcat's Python side for it would cost a third of a second, and a server in a p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-import umsgpack
 from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
-
-Command: TypeAlias = dict[str, Any]
-"""One command: its `type`, the `path` of a node, and what the type needs."""
+from sim.view.encoding import Command, array_name
 
 Rgb: TypeAlias = tuple[float, float, float]
 """Red, green and blue, 0 .. 1, as shown on the screen."""
-
-_EXTENSIONS = {
-    "int8": 0x11,
-    "uint8": 0x12,
-    "int16": 0x13,
-    "uint16": 0x14,
-    "int32": 0x15,
-    "uint32": 0x16,
-    "float32": 0x17,
-}
-"""How msgpack-lite, Meshcat's decoder, calls arrays of a NumPy type."""
 
 _BOTH_SIDES = 2
 _SHININESS = 30.0
@@ -160,27 +146,6 @@ def short_numbers(values: NDArray[Any], step: float) -> NDArray[np.float32]:
     return (np.round(values / step) * step).astype(np.float32)
 
 
-def shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
-    """The geometries by name, each once; the commands keep the names only."""
-    shared: dict[str, Command] = {}
-    for command in commands:
-        if command["type"] == "set_object":
-            drawn = command["object"]
-            shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
-            drawn["geometries"] = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
-    return shared
-
-
-def packed(command: object) -> bytes:
-    """A command, or any tree of values with NumPy arrays in it, as Meshcat decodes it."""
-    return bytes(umsgpack.packb(command, ext_handlers={np.ndarray: _extension}))
-
-
-def array_name(values: NDArray[Any]) -> str:
-    """JavaScript's name of the array type: "Int16Array" for int16, "Uint16Array" for uint16."""
-    return f"{values.dtype.name.capitalize()}Array"
-
-
 def _attribute(values: NDArray[Any]) -> Command:
     return {
         "type": array_name(values),
@@ -188,11 +153,6 @@ def _attribute(values: NDArray[Any]) -> Command:
         "itemSize": values.shape[1],
         "normalized": False,
     }
-
-
-def _extension(values: NDArray[Any]) -> Any:
-    little_endian = values.astype(values.dtype.newbyteorder("<"), copy=False)
-    return umsgpack.Ext(_EXTENSIONS[values.dtype.name], little_endian.tobytes())
 
 
 def _hex(rgb: Rgb) -> int:

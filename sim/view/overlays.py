@@ -1,6 +1,6 @@
-"""What a page can draw over the scene: coordinate frames, goals, a ghost, and the nearest two.
+"""What a page can draw over the scene: coordinate frames, goals, a ghost, and the nearest pair.
 
-Goals and the ghost are see-through copies of what is drawn anyway, and share its triangles.
+Goals and the ghost are translucent copies of what is drawn anyway, and share its triangles.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ import pinocchio as pin
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
-from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.appearance import Appearance, RobotPart
-from sim.view.drawn_bodies import body_commands
+from sim.view.appearance import Appearance
+from sim.view.encoding import Command
 from sim.view.meshcat_commands import (
-    Command,
     Rgb,
     compact,
     glowing,
@@ -28,34 +26,34 @@ from sim.view.meshcat_commands import (
     triangles,
     tube,
 )
-from sim.view.scenegraph import RobotTree, part_command
+from sim.view.scenegraph import RobotTree, body_commands, part_command
 
 NEAREST_PATH = "/nearest"
 NEAREST_RGB: Rgb = (0.78, 0.10, 0.42)
-"""The line between the nearest two: its node and its colour."""
+"""Node and colour of the line between the nearest pair."""
 
 GHOST_PATH = "/ghost"
 GHOST_RGB: Rgb = (0.24, 0.33, 0.78)
 GHOST_OPACITY = 0.34
-"""The other recording: its node, and its colour."""
+"""Node, colour and opacity of the other recording."""
 
-SAME_JOINT = 1e-4
-"""Joints that stay within this, rad or m, are drawn once."""
+MIN_DIFFERENCE = 1e-4
+"""Joints that differ by no more than this, rad or m, are drawn once."""
 
 GOALS_PATH = "/goals"
 GOAL_RGB: Rgb = (0.05, 0.60, 0.55)
 GOAL_OPACITY = 0.36
-MOST_GOALS = 24
+MAX_GOALS = 24
 SAME_GOAL = 1e-3
-"""Goals: their node and colour, how many are drawn, the first ones, and how close poses are, m and
-parts of a quaternion, that count as one."""
+"""Node, colour and opacity of goals, the number of those that are drawn, the first ones, and the
+maximum difference of equal poses, m and parts of a quaternion."""
 
 AXES_RGB: tuple[Rgb, Rgb, Rgb] = ((0.85, 0.12, 0.12), (0.10, 0.60, 0.16), (0.12, 0.32, 0.90))
 AXIS_RADIUS = 0.02
 JOINT_AXES_M = 0.10
 END_AXES_M = 0.16
-"""Axes x, y and z of frames are red, green and blue, so thick for their length; so long at joints,
-and at base and tips."""
+"""Colours of the axes x, y and z of frames, their radius as a share of the length, and their length
+at joints, and at base and tips."""
 
 
 _LAYERS = (
@@ -74,20 +72,19 @@ def layers(paths: Mapping[str, Iterable[str]]) -> list[Command]:
     """What a page can show or hide: id, label, nodes, and whether it is shown at first.
 
     Args:
-        paths: the nodes of each layer, by its id; one that is absent or has none is left out.
+        paths: the nodes of each layer, by its id; layers without nodes are left out.
     """
-    there = {name: list(nodes) for name, nodes in paths.items()}
     return [
-        {"id": name, "label": label, "paths": there[name], "shown": is_shown}
+        {"id": name, "label": label, "paths": nodes, "shown": is_shown}
         for name, label, is_shown in _LAYERS
-        if there.get(name)
+        if (nodes := list(paths.get(name, ())))
     ]
 
 
 def nearest_command() -> Command:
-    """The line between the nearest two, as a cylinder of radius 1 and length 1 along its y.
+    """The line between the nearest pair, as a cylinder of radius 1 and length 1 along y.
 
-    Its middle is at the node, whose matrix the page sets from two points.
+    The page places it between two points.
     """
     cylinder = {"type": "CylinderGeometry", "radialSegments": 8, "height": 1.0}
     size = {"radiusTop": 1.0, "radiusBottom": 1.0}
@@ -95,9 +92,9 @@ def nearest_command() -> Command:
 
 
 def frame_commands(robot: Baxter, tree: RobotTree) -> Iterator[Command]:
-    """Axes at base, at the joints of both arms and at both tips, which move with the robot.
+    """Axes at base, both tips and the joints of both arms, drawn in front of everything else.
 
-    They are seen through what they are in. Their nodes are `frame_paths`.
+    Their nodes are `frame_paths`.
     """
     model, ends = robot.model, _ends(robot)
     for path, frame in zip(frame_paths(robot, tree), [*ends, *_arm_joints(robot)], strict=True):
@@ -110,7 +107,7 @@ def frame_commands(robot: Baxter, tree: RobotTree) -> Iterator[Command]:
 
 
 def frame_paths(robot: Baxter, tree: RobotTree) -> list[str]:
-    """The nodes of all frames: base, the tips, the joints of both arms."""
+    """The nodes of the frames: base, the tips, the joints of both arms."""
     model = robot.model
     tips = [model.frames[model.getFrameId(arm.tip_frame)] for arm in robot.arms.values()]
     on_tips = [f"{tree.moving_node(model.names[tip.parentJoint])}/tip frame" for tip in tips]
@@ -119,39 +116,44 @@ def frame_paths(robot: Baxter, tree: RobotTree) -> list[str]:
 
 
 def goal_commands(recording: Recording, robot: Baxter, appearance: Appearance) -> Iterator[Command]:
-    """A hand wherever a recorded move was to end, the fingers as they were then.
+    """A hand at the goal of every recorded move, the fingers as they were at its end.
 
     They are nodes `/goals/<number of the move>`; moves to the same pose share one.
     """
-    data, drawn = robot.model.createData(), list[FloatArray]()
+    drawn: list[FloatArray] = []
     for number, move in enumerate(sorted(recording.moves, key=lambda move: move.start_s)):
-        q, limb = _at_goal(recording, robot, move), move.limb
-        pin.forwardKinematics(robot.model, data, q)
+        row = int(np.searchsorted(recording.times_s, move.end_s, side="right")) - 1
+        q, limb = recording.q[max(row, 0)].copy(), move.limb
+        q[list(robot.indices(move.joint_names))] = move.trajectory.q_goal
         fingers = [i for i, n in enumerate(robot.joint_names) if n.startswith(f"{limb[0]}_gripper")]
-        wrist = data.oMi[robot.model.getJointId(robot.arm(limb).joint_names[-1])]
-        seen = np.array([*pin.SE3ToXYZQUAT(wrist), *q[fingers]])
-        if len(drawn) == MOST_GOALS or any(_is_same(seen, one) for one in drawn):
-            continue
-        drawn.append(seen)
-        yield from hand_commands(f"{GOALS_PATH}/{number}", robot, limb, data, appearance)
+        tip = robot.arm(limb).T_base_tip(q[list(robot.indices(robot.arm(limb).joint_names))])
+        goal = np.array([limb == "left", *pin.SE3ToXYZQUAT(tip), *q[fingers]])
+        if len(drawn) < MAX_GOALS and not any(_is_same(goal, other) for other in drawn):
+            drawn.append(goal)
+            yield from hand_commands(f"{GOALS_PATH}/{number}", robot, limb, q, appearance)
 
 
 def hand_commands(
-    path: str, robot: Baxter, side: str, data: pin.Data, appearance: Appearance
+    path: str, robot: Baxter, side: str, q: FloatArray, appearance: Appearance
 ) -> Iterator[Command]:
-    """A see-through hand where forward kinematics, done in `data`, have it."""
+    """A translucent hand where it is at a full configuration, shape (19,)."""
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, q)
+    last = model.getJointId(robot.arm(side).joint_names[-1])
+    joints = {model.names[joint] for joint in model.subtrees[last]}
+    parts = [part for part in appearance.parts if part.joint in joints]
     surface = translucent(GOAL_RGB, GOAL_OPACITY)
-    for index, part in enumerate(_hand_parts(robot, side, appearance)):
-        T_base_mesh = data.oMi[robot.model.getJointId(part.joint)] * part.T_joint_mesh
+    for index, part in enumerate(parts):
+        T_base_mesh = data.oMi[model.getJointId(part.joint)] * part.T_joint_mesh
         yield part_command(f"{path}/{index}", part, T_base_mesh, surface)
 
 
 def ghost_of(other: Recording, recording: Recording) -> Recording:
-    """Another recording less the bodies that only stand where they do in a recording, too."""
+    """Another recording without the bodies that stand at the same place in both."""
     kept = [
         name
         for name, poses in other.body_poses.items()
-        if name not in recording.body_poses or not _stand_alike(poses, recording.body_poses[name])
+        if name not in recording.body_poses or _differ(poses, recording.body_poses[name])
     ]
     bodies = {name: body for name, body in other.bodies.items() if name in kept}
     return evolve(other, bodies=bodies, body_poses={n: other.body_poses[n] for n in kept})
@@ -160,12 +162,12 @@ def ghost_of(other: Recording, recording: Recording) -> Recording:
 def moving_parts(
     appearance: Appearance, robot: Baxter, one: Recording, other: Recording
 ) -> Appearance:
-    """What looks the same in two recordings all the time left out: only the rest can differ."""
+    """The parts of the robot that move differently in two recordings."""
     q = np.concatenate([one.q, other.q])
     differing = {
         robot.model.getJointId(name)
         for name, spread in zip(robot.joint_names, np.ptp(q, axis=0), strict=True)
-        if spread > SAME_JOINT
+        if spread > MIN_DIFFERENCE
     }
     model, parts = robot.model, appearance.parts
     chains = {name: set(model.supports[joint]) for joint, name in enumerate(model.names)}
@@ -174,7 +176,7 @@ def moving_parts(
 
 
 def ghost_commands(other: Recording, tree: RobotTree) -> Iterator[Command]:
-    """Robot and bodies of another recording, see-through; its tree stands below `GHOST_PATH`."""
+    """Translucent robot and bodies of another recording; its tree is below `GHOST_PATH`."""
     surface = translucent(GHOST_RGB, GHOST_OPACITY)
     yield from tree.commands(surface)
     for body in other.bodies.values():
@@ -208,32 +210,16 @@ def _axes() -> Command:
     return triangles(vertices, compact(faces), colours=colours.astype(np.float32), uuid="axes")
 
 
-def _is_same(seen: FloatArray, drawn: FloatArray) -> bool:
-    return seen.shape == drawn.shape and bool(np.abs(seen - drawn).max() < SAME_GOAL)
+def _is_same(goal: FloatArray, other: FloatArray) -> bool:
+    return goal.shape == other.shape and bool(np.abs(goal - other).max() < SAME_GOAL)
 
 
-def _stand_alike(poses: FloatArray, others: FloatArray) -> bool:
-    """Whether two tracks, shape (n, 7), are one and the same place, whenever they are anywhere."""
-    there = np.concatenate([track[np.isfinite(track).all(axis=1)] for track in (poses, others)])
-    return len(there) > 0 and bool(np.ptp(there, axis=0).max() < SAME_GOAL)
+def _differ(poses: FloatArray, others: FloatArray) -> bool:
+    """Whether two tracks, shape (n, 7), are not one and the same place whenever they are known."""
+    known = np.concatenate([track[np.isfinite(track).all(axis=1)] for track in (poses, others)])
+    return not len(known) or bool(np.ptp(known, axis=0).max() >= SAME_GOAL)
 
 
 def _scaled(length_m: float) -> list[float]:
     scale: list[float] = np.diag([length_m, length_m, length_m, 1.0]).reshape(-1).tolist()
     return scale
-
-
-def _at_goal(recording: Recording, robot: Baxter, move: RecordedMove) -> FloatArray:
-    """The full configuration at the end of a planned move, shape (19,)."""
-    row = int(np.searchsorted(recording.times_s, move.end_s, side="right")) - 1
-    q = recording.q[min(max(row, 0), len(recording.q) - 1)].copy()
-    q[list(robot.indices(move.joint_names))] = move.trajectory.q_goal
-    return np.asarray(q, dtype=np.float64)
-
-
-def _hand_parts(robot: Baxter, side: str, appearance: Appearance) -> list[RobotPart]:
-    """What hangs on the last joint of an arm and on the fingers."""
-    model = robot.model
-    last = model.getJointId(robot.arm(side).joint_names[-1])
-    names = {model.names[joint] for joint in model.subtrees[last]}
-    return [part for part in appearance.parts if part.joint in names]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from importlib.resources import files
 from importlib.util import find_spec
@@ -11,38 +12,7 @@ from baxter_kin.distribution.extras import run_to_install
 from sim.errors import ViewerError
 
 _BUNDLE = Path("viewer", "dist", "main.min.js")
-_SLOT = re.compile(r"\{\{(\w+)\}\}")
-_PARTS = {
-    "body": "body.html",
-    "card": "card.html",
-    "controls": "controls.html",
-    "help": "help.html",
-    "legend": "legend.html",
-    "panel": "panel.html",
-    "style": "styles/page.css",
-    "panel_style": "styles/panel.css",
-    "scripts": "scripts.html",
-    "stage": "scripts/stage.js",
-    "camera": "scripts/camera.js",
-    "card_script": "scripts/card.js",
-    "telemetry": "scripts/telemetry.js",
-    "nearest": "scripts/nearest.js",
-    "plots": "scripts/plots.js",
-    "panel_script": "scripts/panel.js",
-    "waypoints": "scripts/waypoints.js",
-    "unpack": "scripts/unpack.js",
-    "player": "scripts/player.js",
-    "controls_script": "scripts/controls.js",
-    "live": "scripts/live.js",
-    "replay": "scripts/replay.js",
-    "atlas_body": "atlas/body.html",
-    "atlas_style": "atlas/atlas.css",
-    **{
-        f"atlas_{name}": f"atlas/{name}.js"
-        for name in ("map", "kinematics", "colours", "cells", "chart", "words", "choice")
-    },
-}
-"""What pages are put together from, by slot."""
+_SLOT = re.compile(r"\{\{([\w./]+)\}\}")
 
 
 def viewer_bundle() -> str:
@@ -56,18 +26,23 @@ def viewer_bundle() -> str:
     raise ViewerError(f"meshcat's viewer is not installed; {run_to_install('meshcat')}")
 
 
-def page(template: str, **texts: str) -> str:
-    """A page of `sim/view/pages` with its slots, such as `{{title}}`, filled.
+def live_page(title: str) -> str:
+    """The page of a live view, which loads Meshcat's viewer from its server."""
+    return _filled("live.html", {"title": html.escape(title)})
 
-    Slots named after a file of that folder take the file, whose slots are filled too; the others
-    take the keyword of their name, as it is.
+
+def page(template: str, *, title: object, notice: str, data: str) -> str:
+    """A self-contained page.
+
+    Args:
+        template: a file of `sim/view/pages`. A slot with a dot, such as `{{help.html}}`, takes that
+            file, whose slots are filled, too; the others are `title`, `notice`, `bundle`, `data`.
+        title: shown on the page, and its name in the browser.
+        notice: the licence of the robot's meshes.
+        data: what the page decodes.
     """
-
-    def insert(slot: re.Match[str]) -> str:
-        name = _PARTS.get(slot[1])
-        return texts[slot[1]] if name is None else page(name, **texts)
-
-    return _SLOT.sub(insert, _file(template))
+    texts = {"title": html.escape(str(title)), "notice": html.escape(notice), "data": data}
+    return _filled(template, {**texts, "bundle": inside_script(viewer_bundle())})
 
 
 def inside_script(code: str) -> str:
@@ -75,5 +50,8 @@ def inside_script(code: str) -> str:
     return re.sub(r"</(script)", r"<\\/\1", code, flags=re.IGNORECASE)
 
 
-def _file(name: str) -> str:
-    return (files("sim.view") / "pages" / name).read_text(encoding="utf-8")
+def _filled(name: str, texts: dict[str, str]) -> str:
+    def insert(slot: re.Match[str]) -> str:
+        return _filled(slot[1], texts) if "." in slot[1] else texts[slot[1]]
+
+    return _SLOT.sub(insert, (files("sim.view") / "pages" / name).read_text(encoding="utf-8"))

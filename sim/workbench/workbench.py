@@ -109,15 +109,15 @@ class Workbench(OneLine):
 
         Args:
             name: its name, such as "red".
-            x_m: where its middle is, in base.
-            y_m: the same along y.
+            x_m: x of its middle in base.
+            y_m: y of its middle.
             edge_m: its edge.
             colour: such as "red"; the colour of its name when not given, or grey.
-            yaw_rad: how far it is turned about the vertical.
+            yaw_rad: its angle about the vertical.
 
         Raises:
-            SceneError: when the name is taken or not allowed, a number is not finite, there is no
-                such colour, or no room: beside the table, or where something stands.
+            SceneError: when an argument is invalid, the name is taken, or there is no space for it:
+                beside the table, or where something stands.
         """
         edge = positive_scalar(edge_m, "edge_m", SceneError)
         self._put(name, (x_m, y_m, yaw_rad), (edge, edge, edge), colour, is_movable=True)
@@ -136,14 +136,14 @@ class Workbench(OneLine):
 
         Args:
             name: its name, such as "book".
-            x_m: where its middle is, in base.
-            y_m: the same along y.
+            x_m: x of its middle in base.
+            y_m: y of its middle.
             size_m: its edges along x, y and z, before it is turned.
             colour: such as "red"; the colour of its name when not given, or grey.
-            yaw_rad: how far it is turned about the vertical.
+            yaw_rad: its angle about the vertical.
 
         Raises:
-            SceneError: as for a block, or when the size is not three lengths above zero.
+            SceneError: as for a block.
         """
         size = tabletop.checked_size(size_m)
         self._put(name, (x_m, y_m, yaw_rad), size, colour, is_movable=True)
@@ -162,14 +162,14 @@ class Workbench(OneLine):
 
         Args:
             name: its name, such as "tin".
-            x_m: where its axis is, in base.
-            y_m: the same along y.
-            radius_m: above zero.
-            length_m: its height, above zero.
+            x_m: x of its axis in base.
+            y_m: y of its axis.
+            radius_m: its radius.
+            length_m: its height.
             colour: such as "red"; the colour of its name when not given, or grey.
 
         Raises:
-            SceneError: as for a block, or when a length is not above zero.
+            SceneError: as for a block.
         """
         shape = Cylinder(radius_m, length_m)
         part = Part(shape, pin.SE3.Identity(), resolve_colour(colour, name))
@@ -180,13 +180,10 @@ class Workbench(OneLine):
         """Put a body of any shape where its `T_base_body` is, on the table or elsewhere.
 
         A movable one comes to rest on what is below it, and can be carried; any other stays where
-        it is, be it in the air, and arms go around it.
+        it is, even in the air, and arms go around it.
 
         Args:
             body: one or several shapes, such as a mug or a shelf.
-
-        Raises:
-            SceneError: when it has the wrong type, or the name is taken.
         """
         self._spawn(expect(body, Body, "body", SceneError))
 
@@ -202,16 +199,7 @@ class Workbench(OneLine):
     ) -> None:
         """Put a box on the table that stays there, such as a wall; arms go around it.
 
-        Args:
-            name: its name, such as "wall".
-            x_m: where its middle is, in base.
-            y_m: the same along y.
-            size_m: its edges along x, y and z, before it is turned.
-            colour: such as "red"; the colour of its name when not given, or grey.
-            yaw_rad: how far it is turned about the vertical.
-
-        Raises:
-            SceneError: as for a block, or when the size is not three lengths above zero.
+        The arguments are those of `add_box`.
         """
         size = tabletop.checked_size(size_m)
         self._put(name, (x_m, y_m, yaw_rad), size, colour, is_movable=False)
@@ -239,10 +227,7 @@ class Workbench(OneLine):
             The result; where it cannot be done, with the reason.
 
         Raises:
-            SceneError: when there is no such block, it is not one to be carried, or the place is
-                neither.
-            PoseError: when a pose is not a valid one.
-            UnknownNameError: when there is no such arm.
+            SceneError: when there is no such block, it cannot be carried, or the place is invalid.
             SimulationError: when not one of `to` and `onto` is given, or the arm has no fingers.
         """
         body = self._movable(block)
@@ -255,12 +240,7 @@ class Workbench(OneLine):
         return result
 
     def withdraw(self, arm: str) -> TaskResult:
-        """Bring an empty arm back beside the table, out of the other's way.
-
-        Raises:
-            UnknownNameError: when there is no such arm.
-            SimulationError: when it has no fingers.
-        """
+        """Bring an empty arm back beside the table, out of the other's way."""
         side, task = self._side(arm), f"withdraw the {arm} arm"
         manipulator = self.arm(side)
         q_now, q_rest = self.world.arm_q(side), manipulator.arm.neutral
@@ -277,23 +257,11 @@ class Workbench(OneLine):
         return result
 
     def arm(self, side: str) -> Manipulator:
-        """An arm for planning, with the other one where it stands now.
-
-        Raises:
-            UnknownNameError: when there is no such arm.
-            SimulationError: when it has no fingers.
-        """
+        """An arm for planning, with the other one where it stands now."""
         return evolve(self._arms[self._side(side)], q_others=self.world.q)
 
     def plan(self, side: str, block: str, T_base_goal: PoseLike) -> Plan:
-        """Plan how an arm brings a block to a pose, grasped from above; nothing moves.
-
-        Raises:
-            SceneError: when there is no such block, or it is not one to be carried.
-            PoseError: when the pose is not a valid one.
-            UnknownNameError: when there is no such arm.
-            SimulationError: when it has no fingers.
-        """
+        """Plan how an arm brings a block to a pose, grasped from above; nothing moves."""
         body = self._movable(block)
         return self._planned(self.arm(side), body, checked_pose(T_base_goal))
 

@@ -232,22 +232,24 @@ def _nothing(squeeze: Squeeze, wanted: str | None) -> Miss:
     return Miss(MissKind.NOTHING, "nothing is between the finger pads")
 
 
-def _between(mover: Mover, squeeze: Squeeze) -> Closing:
+def _between(slider: Slider, squeeze: Squeeze) -> Closing:
     """The closing of fingers that are both on a body: with their pads as predicted, or not."""
-    found = squeeze.close_on(mover.name)
+    found = squeeze.close_on(slider.name)
     if isinstance(found, Grasp) and abs(found.finger_m - squeeze.finger_m) <= AGREEMENT_M:
-        return squeeze.grasped(mover, found)
+        return squeeze.grasped(slider, found)
     if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
-        text = f"the fingers touch {mover.name} outside of their pads"
-        found = Miss(MissKind.EDGE, text, mover.name, 0.0)
+        text = f"the fingers touch {slider.name} outside of their pads"
+        found = Miss(MissKind.EDGE, text, slider.name, 0.0)
     return squeeze.missed(found)
 
 
-def _blocked(first: Mover, second: Mover, squeeze: Squeeze) -> Miss:
+def _blocked(first: Slider, second: Slider, squeeze: Squeeze) -> Miss:
     """The miss of fingers that stopped and hold nothing."""
     if first.sign and second.sign:
-        names = [mover.name for mover in (first, second) if not mover.is_finger]
-        names += [mover.by for mover in (first, second) if mover.by and mover.is_pushed_indirectly]
+        names = [slider.name for slider in (first, second) if not slider.is_finger]
+        names += [
+            slider.by for slider in (first, second) if slider.by and slider.is_pushed_indirectly
+        ]
         text = f"{' and '.join(dict.fromkeys(names))} are between the fingers, which hold only one"
         return Miss(MissKind.CROWDED, text, names[0])
     if second.is_movable:  # a finger is inside it
@@ -261,7 +263,7 @@ def _blocked(first: Mover, second: Mover, squeeze: Squeeze) -> Miss:
 
 
 @dataclass(slots=True, eq=False)
-class Mover:
+class Slider:
     """A finger or a body, while the fingers close.
 
     Attributes:
@@ -296,7 +298,7 @@ class Mover:
         """Whether it is a body that no finger touches, but what a finger pushes."""
         return not self.is_finger and self.by != f"{self.finger} finger"
 
-    def is_held_by(self, other: Mover) -> bool:
+    def is_held_by(self, other: Slider) -> bool:
         """Whether it is a body that one finger pushes directly and the other has met."""
         opposite = self.sign * other.sign < 0
         return opposite and other.is_finger and not self.is_pushed_indirectly
@@ -323,8 +325,8 @@ class Squeeze:
         self._begin_m = self.finger_m
         self._lift = PRESSING_TOLERANCE_M * (self._T_base_tip.rotation.T @ UP)
         self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
-        self._movers = [
-            Mover(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
+        self._sliders = [
+            Slider(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
             for finger, sign, parts in zip(
                 ("left", "right"), (-1, 1), self._hand.fingers, strict=True
             )
@@ -334,9 +336,9 @@ class Squeeze:
             T_tip_body = self._T_base_tip.inverse() * body.T_base_body
             parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
             is_movable = body.is_movable and body.name not in held
-            self._movers.append(Mover(body.name, parts, is_movable=is_movable))
+            self._sliders.append(Slider(body.name, parts, is_movable=is_movable))
 
-    def run(self) -> tuple[Mover, Mover] | None:
+    def run(self) -> tuple[Slider, Slider] | None:
         """Close until something stops the fingers.
 
         Returns:
@@ -360,43 +362,43 @@ class Squeeze:
         """The closing that ends here with a miss."""
         return Closing(self.finger_m, miss=miss, pushes=self.pushes)
 
-    def grasped(self, mover: Mover, grasp: Grasp) -> Closing:
+    def grasped(self, slider: Slider, grasp: Grasp) -> Closing:
         """The closing that ends with a grasp; the body and its riders end as predicted."""
         self.finger_m = grasp.finger_m
-        for follower in self._with_riders(mover):
+        for follower in self._with_riders(slider):
             follower.begin_m = grasp.finger_m + abs(grasp.push_m)
-        return Closing(self.finger_m, mover.name, grasp, pushes=self.pushes)
+        return Closing(self.finger_m, slider.name, grasp, pushes=self.pushes)
 
     @property
     def pushes(self) -> tuple[Push, ...]:
         """The bodies that were moved until now."""
         return tuple(
             Push(
-                body=mover.name,
-                finger=mover.finger,
-                by=mover.by,
-                begin_m=mover.begin_m,
+                body=slider.name,
+                finger=slider.finger,
+                by=slider.by,
+                begin_m=slider.begin_m,
                 end_m=self.finger_m,
-                axis_base=mover.sign * self._T_base_tip.rotation[:, 1],
-                T_base_begin=self.world.body(mover.name).T_base_body,
-                is_riding=mover.is_riding,
+                axis_base=slider.sign * self._T_base_tip.rotation[:, 1],
+                T_base_begin=self.world.body(slider.name).T_base_body,
+                is_riding=slider.is_riding,
             )
-            for mover in self._movers
-            if mover.sign and not mover.is_finger
+            for slider in self._sliders
+            if slider.sign and not slider.is_finger
         )
 
-    def _next(self) -> tuple[float, Mover, Mover] | None:
+    def _next(self) -> tuple[float, Slider, Slider] | None:
         """The next contact: after how much finger travel, what meets what."""
         meetings = []
-        for first in self._movers:
-            for second in self._movers:
+        for first in self._sliders:
+            for second in self._sliders:
                 if first.sign and first.sign != second.sign and _may_meet(first, second):
                     travel_m = self._travel(first, second)
                     if travel_m is not None and travel_m <= self.finger_m:
                         meetings.append((travel_m, first, second))
         return min(meetings, key=lambda meeting: meeting[0], default=None)
 
-    def _travel(self, first: Mover, second: Mover) -> float | None:
+    def _travel(self, first: Slider, second: Slider) -> float | None:
         """The travel of the fingers until one thing meets another; None if they do not meet."""
         rate = abs(first.sign - second.sign)
         along = first.sign * CLOSING_AXIS
@@ -417,7 +419,7 @@ class Squeeze:
                 found = max_m = travel_m
         return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
 
-    def _pairs(self, first: Mover, second: Mover) -> list[tuple[float, Part, Part]]:
+    def _pairs(self, first: Slider, second: Slider) -> list[tuple[float, Part, Part]]:
         """The shapes of two things that may meet, and their first distance along y.
 
         The nearest come first. As all move along y, the pairs stay the same.
@@ -435,7 +437,7 @@ class Squeeze:
             self._known[key] = sorted(pairs, key=lambda pair: pair[0])
         return self._known[key]
 
-    def _take_along(self, first: Mover, second: Mover, pressed_m: float) -> None:
+    def _take_along(self, first: Slider, second: Slider, pressed_m: float) -> None:
         """Let a body, and its riders, move with what has met it from now on.
 
         It leaves what presses into it at once.
@@ -447,13 +449,13 @@ class Squeeze:
                 follower.by = first.name if follower is second else second.name
                 follower.is_riding = follower is not second
 
-    def _with_riders(self, mover: Mover) -> list[Mover]:
-        names = {mover.name, *self.world.riders(mover.name)}
-        followers = [m for m in self._movers if m.name in names and not m.is_finger]
-        return [m for m in followers if m is mover or m.sign in (0, mover.sign)]
+    def _with_riders(self, slider: Slider) -> list[Slider]:
+        names = {slider.name, *self.world.riders(slider.name)}
+        followers = [each for each in self._sliders if each.name in names and not each.is_finger]
+        return [each for each in followers if each is slider or each.sign in (0, slider.sign)]
 
 
-def _may_meet(first: Mover, second: Mover) -> bool:
+def _may_meet(first: Slider, second: Slider) -> bool:
     """Whether a pair must be checked: fingers meet no fingers, and of two that move, once."""
     if first.is_finger or second.is_finger:
         return first.is_finger and not second.is_finger

@@ -1,4 +1,4 @@
-"""The demo's scene in a simulation, with a witness of all that it tells."""
+"""The demo's scene in a simulation, with a witness of all that it reports."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
 
 
 class Witness(Observer):
-    """Remembers all that it was told, in order."""
+    """Stores all snapshots and events, in order."""
 
     def __init__(self) -> None:
-        self.told: list[Event | Snapshot] = []
+        self.received: list[Event | Snapshot] = []
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        self.told.append(snapshot)
+        self.received.append(snapshot)
 
     def on_event(self, event: Event) -> None:
-        self.told.append(event)
+        self.received.append(event)
 
     @property
     def snapshots(self) -> list[Snapshot]:
-        return [item for item in self.told if isinstance(item, Snapshot)]
+        return [item for item in self.received if isinstance(item, Snapshot)]
 
     @property
     def events(self) -> list[Event]:
-        return [item for item in self.told if isinstance(item, Event)]
+        return [item for item in self.received if isinstance(item, Event)]
 
     @property
     def kinds(self) -> list[EventKind]:

@@ -23,7 +23,7 @@ def test_only_appearing_and_disappearing_change_what_there_is() -> None:
     assert found == [EventKind.SPAWNED, EventKind.DELETED]
 
 
-def test_events_are_equal_by_what_was_told_not_by_the_facts_behind(block: Body) -> None:
+def test_events_are_equal_by_what_was_reported_not_by_the_facts_behind(block: Body) -> None:
     first = Event(1.0, EventKind.GRASPED, "block grasped", "left", body=block)
     fall = Rest(block.T_base_body, ("table",), 0.1)
     assert first == Event(1.0, EventKind.GRASPED, "block grasped", "left", detail=fall)

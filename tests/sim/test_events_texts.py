@@ -24,7 +24,7 @@ def push(by: str) -> Push:
     return Push("red", "left", by, 0.020, 0.017, np.array([0.0, 1.0, 0.0]), ORIGIN)
 
 
-def test_a_grasp_tells_the_width_and_near_an_edge_how_near() -> None:
+def test_a_grasp_states_the_width_and_near_an_edge_how_near() -> None:
     plain = "b grasped, 50.0 mm between the finger pads (82 % open)"
     assert grasp_text("b", grasp(is_near_edge=False), 82.0) == plain
     assert grasp_text("b", grasp(is_near_edge=True), 82.0) == (
@@ -33,7 +33,7 @@ def test_a_grasp_tells_the_width_and_near_an_edge_how_near() -> None:
     )
 
 
-def test_a_miss_tells_where_the_fingers_stopped_and_why() -> None:
+def test_a_miss_states_where_the_fingers_stopped_and_why() -> None:
     miss = Miss(MissKind.BLOCKED, "the left finger met post, which does not give way", "post")
     assert miss_text(miss, None, 0.0432, is_closed=False) == (
         "missed: the fingers stopped, 43.2 mm apart, and hold nothing: the left finger met post, "
@@ -41,13 +41,13 @@ def test_a_miss_tells_where_the_fingers_stopped_and_why() -> None:
     )
 
 
-def test_a_push_tells_what_how_far_and_by_what() -> None:
+def test_a_push_states_what_how_far_and_by_what() -> None:
     finger = "the left finger of the right hand"
     assert push_text(push("left finger"), "right") == f"red pushed 3.0 mm by {finger}"
     assert push_text(push("blue"), "right") == (f"red pushed 3.0 mm by blue, which {finger} pushes")
 
 
-def test_a_contact_tells_what_would_pass_through_what() -> None:
+def test_a_contact_states_what_would_pass_through_what() -> None:
     held = contact(mover="red", is_held=True)
     assert stop_text(held, "left") == "the held red would pass through the table"
     assert stop_text(contact(), "left") == (
@@ -59,7 +59,7 @@ def test_a_contact_tells_what_would_pass_through_what() -> None:
     )
 
 
-def test_coming_to_rest_tells_what_it_tipped_off_and_whether_it_leans() -> None:
+def test_coming_to_rest_states_what_it_tipped_off_and_whether_it_leans() -> None:
     assert rest_text("b", Rest(ORIGIN, ("table",), 0.1)) == "b at rest on table"
     tipped = Rest(ORIGIN, ("floor",), 0.1, fell_off=("red", "table"))
     assert rest_text("b", tipped) == "b at rest on floor; it tipped off red and table"

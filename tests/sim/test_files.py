@@ -72,7 +72,7 @@ def test_a_replaced_file_is_whole_or_the_old_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["missing/file", ".", "a\0b", "x" * 5000])
-def test_what_cannot_be_written_is_said(path: str) -> None:
+def test_what_cannot_be_written_is_reported(path: str) -> None:
     with pytest.raises(RecordingError, match="cannot write"):
         replace_file(path, b"content")
     with pytest.raises(RecordingError, match="cannot write"):
@@ -91,7 +91,7 @@ def test_what_is_no_path_is_refused(bad: Any) -> None:
         checked_path(bad)
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with (
         pytest.raises(RecordingError, match=r"cannot read .*: No such file"),
         opened(tmp_path / "missing"),

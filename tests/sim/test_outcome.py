@@ -6,7 +6,7 @@ from sim import Dwell, Outcome
 from sim.world import Contact
 
 
-def test_nothing_dwells_unless_asked_to() -> None:
+def test_nothing_dwells_by_default() -> None:
     assert Dwell() == Dwell(after_grasp_s=0.0, after_release_s=0.0)
 
 
@@ -15,12 +15,12 @@ def test_an_outcome_is_a_success_when_nothing_failed() -> None:
     assert not Outcome("pick: close: missed", 2.0).is_success
 
 
-def test_an_outcome_is_told_in_one_line() -> None:
+def test_an_outcome_is_reported_in_one_line() -> None:
     assert repr(Outcome(None, 6.5)) == "Outcome(6.50 s, success)"
     assert "failed: pick: close: missed" in repr(Outcome("pick: close:\nmissed", 2.0))
 
 
-def test_what_was_hit_is_told_with_the_deepest_by_name() -> None:
+def test_what_was_hit_is_reported_with_the_deepest_by_name() -> None:
     shallow, deep = (
         Contact(1.0, "l_gripper_l_finger", name, False, depth_m, False, 0.99)
         for name, depth_m in (("red", 0.001), ("box", 0.022))

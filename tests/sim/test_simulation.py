@@ -43,7 +43,7 @@ class TestCycle:
         assert z == pytest.approx(-0.130, abs=REST_M)
         assert cycle[0].world.supports["block"] == ("table",)
 
-    def test_what_happens_is_told_in_order(self, cycle: tuple[Run, Outcome]) -> None:
+    def test_what_happens_is_reported_in_order(self, cycle: tuple[Run, Outcome]) -> None:
         assert cycle[0].witness.kinds == [
             EventKind.SPAWNED,
             EventKind.SPAWNED,
@@ -79,10 +79,8 @@ class TestCycle:
         assert times == [tick * DEFAULT_TICK_S for tick in range(len(times))]
         assert 0.0 <= cycle[1].duration_s - times[-1] < DEFAULT_TICK_S
 
-    def test_nothing_told_is_older_than_what_was_told_before(
-        self, cycle: tuple[Run, Outcome]
-    ) -> None:
-        times = [item.time_s for item in cycle[0].witness.told]
+    def test_notifications_are_in_the_order_of_time(self, cycle: tuple[Run, Outcome]) -> None:
+        times = [item.time_s for item in cycle[0].witness.received]
         assert times == sorted(times)
 
     def test_moves_begin_the_moment_the_step_before_ended(
@@ -307,9 +305,9 @@ class TestRefusals:
         assert run.simulation.time_s == 0.0
 
     def test_bodies_that_are_there_already_or_not(self, run: Run, block: Body) -> None:
-        told = len(run.witness.told)
+        received = len(run.witness.received)
         with pytest.raises(SceneError, match="already has"):
             run.simulation.spawn(block)
         with pytest.raises(SceneError, match="no body 'brick'"):
             run.simulation.delete("brick")
-        assert len(run.witness.told) == told
+        assert len(run.witness.received) == received

@@ -102,7 +102,7 @@ class TestMiss:
         run.simulation.spawn(Body("block", (part,), at(0.70, 0.15, -0.13), is_movable=True))
         assert "missed" in str(run.simulation.execute(plan).failure)
 
-    def test_a_hand_that_is_full_is_told_so(self, run: Run) -> None:
+    def test_a_hand_that_is_full_is_refused(self, run: Run) -> None:
         plan = run.plan()
         run.simulation.execute(Plan(state_at(plan.q_start), plan.steps[:4]))
         close = Plan(
@@ -122,7 +122,7 @@ class TestRelease:
         run.simulation.execute(
             Plan(state_at(plan.q_start), (*plan.steps[:4], self.rise(run, plan)))
         )
-        run.witness.told.clear()
+        run.witness.received.clear()
         opening = Plan(
             state_at(run.world.arm_q("left")), (Grip("drop", GripperAction.OPEN),), limb="left"
         )

@@ -71,7 +71,7 @@ def test_it_knows_whether_it_stands_between_ticks() -> None:
 class TestTelling:
     """Observers."""
 
-    def test_all_observers_are_told_the_same_in_their_order(self, run: Run) -> None:
+    def test_all_observers_are_notified_alike_in_their_order(self, run: Run) -> None:
         order: list[str] = []
 
         class Named(Witness):
@@ -88,10 +88,10 @@ class TestTelling:
         simulation.execute(
             plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
         )
-        assert first.told == second.told
+        assert first.received == second.received
         assert order == ["first", "second"] * len(first.events)
 
-    def test_enabling_spawning_and_deleting_are_told(self, run: Run) -> None:
+    def test_enabling_spawning_and_deleting_are_reported(self, run: Run) -> None:
         run.simulation.enable()
         run.simulation.delete("block")
         run.simulation.delete("table")
@@ -103,7 +103,7 @@ class TestTelling:
             "table deleted",
         ]
 
-    def test_grasp_and_release_are_told_with_names_and_numbers(
+    def test_grasp_and_release_are_reported_with_names_and_numbers(
         self, cycle: tuple[Run, Outcome]
     ) -> None:
         texts = {event.kind: event.text for event in cycle[0].witness.events}
@@ -143,7 +143,7 @@ class TestTelling:
         with pytest.raises(KeyboardInterrupt):
             simulation.execute(run.plan())
         simulation.delete("block")
-        times = [item.time_s for item in witness.told]
+        times = [item.time_s for item in witness.received]
         assert times == sorted(times)
         assert times[-1] == pytest.approx(0.5, abs=TIME_S)
 
@@ -156,7 +156,7 @@ class TestTelling:
 class TestWaiting:
     """Time passes, and nothing else."""
 
-    def test_it_takes_as_long_as_asked(self, run: Run) -> None:
+    def test_it_takes_as_long_as_requested(self, run: Run) -> None:
         run.simulation.wait(0.123)
         assert run.simulation.time_s == 0.123
 
@@ -210,7 +210,7 @@ class TestFinishing:
 class TestBeginning:
     """Observers know of all bodies, whoever put them into the world."""
 
-    def test_bodies_that_are_there_are_told_before_anything_happens(self, run: Run) -> None:
+    def test_bodies_that_are_there_are_reported_before_anything_happens(self, run: Run) -> None:
         begun: list[State] = []
 
         class Watch(Observer):
@@ -224,7 +224,9 @@ class TestBeginning:
             zip(run.world.robot.joint_names, run.world.q.tolist(), strict=True)
         )
 
-    def test_what_others_put_there_or_took_is_told_at_the_next_tick(self, robot: Baxter) -> None:
+    def test_what_others_put_there_or_took_is_reported_at_the_next_tick(
+        self, robot: Baxter
+    ) -> None:
         world, witness = World(robot), Witness()
         simulation = Simulation(world, [witness])
         world.spawn(make_block("red", at(0.7, 0.1, 0.0)))
@@ -238,7 +240,7 @@ class TestBeginning:
         ]
         assert all(event.body is not None for event in witness.events)
 
-    def test_what_the_simulation_spawns_is_told_once(self, run: Run) -> None:
+    def test_what_the_simulation_spawns_is_reported_once(self, run: Run) -> None:
         run.simulation.wait(0.1)
         kinds = [event.kind for event in run.witness.events]
         assert kinds == [EventKind.SPAWNED] * 2

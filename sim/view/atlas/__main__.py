@@ -1,4 +1,4 @@
-"""`python -m sim.view.atlas MAP FILE`: a reach map as one HTML page to look at."""
+"""`python -m sim.view.atlas MAP FILE`: a reach map as one HTML page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NAME = "sim.view.atlas"
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageOptions:
-    """Which page to write."""
+    """Options of the command."""
 
     map: str = option(metavar="MAP", help="a folder that build_reach_map made")
     file: Path = option(metavar="FILE", type=file_to_write, help="the page")
@@ -41,7 +41,7 @@ class PageOptions:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page that the arguments, or the command line, name; returns the exit status."""
+    """Write the page that the arguments or the command line describe; returns the exit status."""
     options = parse(PageOptions, argv)
     try:
         every = write_atlas_page(options.file, ReachMap(options.map), title=options.title)

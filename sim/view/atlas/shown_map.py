@@ -21,12 +21,12 @@ class ShownMap:
     """The part of a map that a page shows.
 
     Attributes:
-        every: that every so-manieth position along each axis is shown.
-        low_m: the lowest position, shape (3,), m, in base.
-        step_m: between neighbours that are shown.
-        codes: margins in steps of `RAD_PER_MARGIN`, or codes, of all cells that are shown; shape
-            (arms, nx, ny, nz, rotations).
-        q: the witnesses of those that are reachable, in their order, shape (m, 7), rad.
+        every: n, if every n-th position along each axis is shown.
+        low_m: the lowest position in base, shape (3,), m.
+        step_m: distance of neighbours.
+        codes: margins in steps of `RAD_PER_MARGIN`, or codes, of the cells, shape (arms, nx, ny,
+            nz, rotations).
+        q: the witnesses of the reachable cells, in their order, shape (m, 7), rad.
     """
 
     every: int
@@ -37,17 +37,17 @@ class ShownMap:
 
     @property
     def cells(self) -> Indices:
-        """Where the witnesses belong: indices into `codes`, shape (5, m)."""
+        """The reachable cells: indices into `codes`, shape (5, m)."""
         return np.array(np.nonzero(self.codes >= 0))
 
     def points(self, cells: Indices) -> FloatArray:
-        """Positions of cells as `cells` names them, shape (m, 3), m, in base."""
+        """Positions in base of cells given as in `cells`, shape (m, 3), m."""
         points: FloatArray = self.low_m + self.step_m * cells[1:4].T
         return points
 
 
 def thinning(found: ReachMap, most_cells: int) -> int:
-    """Every how-manieth position fits into so many cells: one, where all of them do."""
+    """The smallest n for which every n-th position along each axis fits into a number of cells."""
     arms, rotations = len(found.arms), len(found.rotations)
     cells = (
         (every, arms * rotations * math.prod(map(len, _axes(found, every)))) for every in count(1)
@@ -57,11 +57,11 @@ def thinning(found: ReachMap, most_cells: int) -> int:
 
 
 def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
-    """Read a map block by block, and keep what is shown; blocks that are missing stay open.
+    """Read the shown cells of a map, block by block; missing blocks are not computed.
 
     Args:
         found: the map.
-        every: keep every so-manieth position along each axis, those of base's own among them.
+        every: n, to show every n-th position along each axis, including those of base's axes.
     """
     axes, rotations = _axes(found, every), len(found.rotations)
     shape = (len(found.arms), *map(len, axes))
@@ -87,7 +87,7 @@ def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
 
 
 def _axes(found: ReachMap, every: int) -> tuple[range, ...]:
-    """Indices of the positions that are kept along x, y and z: multiples of the wider step."""
+    """Indices of the shown positions along x, y and z: multiples of the wider step."""
     grid = found.positions
     firsts = (-first % every for first in grid.first)
     return tuple(
@@ -99,7 +99,7 @@ def _axes(found: ReachMap, every: int) -> tuple[range, ...]:
 def _parts(
     found: ReachMap, every: int
 ) -> Iterator[tuple[tuple[int, int, int, int], Slices, Slices]]:
-    """Blocks with positions that are kept: which, inside the block, and where they go."""
+    """Blocks with shown positions: the block, and the slices of it and of the shown part."""
     axes = _axes(found, every)
     for block in found.blocks:
         inside, kept = [], []

@@ -1,4 +1,4 @@
-"""Drawn scene: robot, bodies and tip paths as a page draws them; what changes, as commands."""
+"""The scene of a live view: robot, bodies and tip paths, and the commands that change them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from planner import Body, Scene
 from sim.errors import ViewerError
 from sim.recording.recorded_motion import RecordedMove
 from sim.view.appearance import Appearance
-from sim.view.drawn_bodies import body_commands, body_path
-from sim.view.meshcat_commands import Command, delete, set_property
+from sim.view.encoding import Command
+from sim.view.meshcat_commands import delete, set_property
 from sim.view.overlays import (
     GOALS_PATH,
     NEAREST_PATH,
@@ -25,52 +25,57 @@ from sim.view.overlays import (
     layers,
     nearest_command,
 )
-from sim.view.scenegraph import RobotTree, pose_commands, stage_commands
-from sim.view.tip_path import TipPath, TipTracker
+from sim.view.scenegraph import (
+    RobotTree,
+    body_commands,
+    body_path,
+    pose_commands,
+    stage_commands,
+)
+from sim.view.tip_path import TipPath
 
 JOINT_STEP = 1e-5
-"""Joints that moved less, rad or m, are not sent again: a hundredth of a millimetre at the tip."""
+"""Motion of a joint that is sent, rad or m: a hundredth of a millimetre at the tip."""
 
 POSE_STEP = 1e-6
-"""The same for bodies: metres, and parts of a unit quaternion."""
+"""Motion of a body that is sent: metres, and parts of a unit quaternion."""
 
-GOALS_KEPT = 6
-"""Of so many moves, the latest, the goals are drawn: those of a pick and place."""
+MAX_GOALS = 6
+"""Number of moves, the latest, whose goals are drawn: those of a pick and place."""
 
 
 class DrawnScene:
-    """What is drawn. Not for several threads at once.
+    """What is drawn now. Not for several threads at once.
 
     Attributes:
-        q: the full configuration drawn, shape (19,), rad and m.
-        bodies: those drawn, by name, where they were added.
+        q: the full configuration, shape (19,), rad and m.
+        bodies: the bodies by name, at the poses at which they were added.
     """
 
     def __init__(self, robot: Baxter) -> None:
         self._robot, self._appearance = robot, Appearance.of(robot)
         self._tree = RobotTree(robot.model, self._appearance)
         self._goals = 0
-        self._tracker = TipTracker(robot)
-        self._sides = tuple(robot.arms)
-        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._joints = {s: list(robot.indices(arm.joint_names)) for s, arm in robot.arms.items()}
+        self._tip_paths = {side: TipPath(side) for side in robot.arms}
         self._poses: dict[str, FloatArray] = {}
         self.q = np.full(len(self._tree.paths), np.nan)
         self.bodies: dict[str, Body] = {}
 
     def commands(self) -> list[Command]:
-        """What draws stage and robot for the first time."""
+        """Commands that draw stage and robot for the first time."""
         frames = frame_paths(self._robot, self._tree)
         return [
             *stage_commands(),
             *self._tree.commands(),
             *frame_commands(self._robot, self._tree),
             nearest_command(),
-            # the page shows them where they are chosen, the line between two points
+            # the page shows them when they are chosen, and the line between two points
             *(set_property(path, "visible", False) for path in (*frames, GOALS_PATH, NEAREST_PATH)),
         ]
 
     def layers(self) -> list[Command]:
-        """What a page can show or hide, named as in a replay."""
+        """The layers that a page can show or hide, named as in a replay."""
         return layers(
             {
                 "robot": self._tree.mesh_paths,
@@ -82,14 +87,12 @@ class DrawnScene:
         )
 
     def add_goal(self, move: RecordedMove) -> list[Command]:
-        """Draw the hand where a move is to end, in place of the oldest that is drawn."""
+        """Draw the hand at the goal of a move, in place of the oldest goal."""
         q = self.q.copy()
         q[list(self._robot.indices(move.joint_names))] = move.trajectory.q_goal
-        path = f"{GOALS_PATH}/{self._goals % GOALS_KEPT}"
+        path = f"{GOALS_PATH}/{self._goals % MAX_GOALS}"
         self._goals += 1
-        data = self._robot.model.createData()
-        pin.forwardKinematics(self._robot.model, data, q)
-        hand = hand_commands(path, self._robot, move.limb, data, self._appearance)
+        hand = hand_commands(path, self._robot, move.limb, q, self._appearance)
         return [delete(path), *hand]
 
     def add_body(self, body: Body) -> list[Command]:
@@ -100,47 +103,46 @@ class DrawnScene:
         return [delete(path), *body_commands(body), *pose_commands(path, body.T_base_body)]
 
     def remove_body(self, name: str) -> list[Command]:
-        """Draw a body no more."""
+        """Remove a body."""
         self._known(name)
         del self._poses[name], self.bodies[name]
         return [delete(body_path(name))]
 
-    def bodies_but(self, told: Collection[str]) -> dict[str, Body]:
-        """The bodies of other names than these, where they are drawn now."""
+    def bodies_except(self, names: Collection[str]) -> dict[str, Body]:
+        """The bodies with other names, at the poses at which they are drawn now."""
         return {
             name: body.at(pin.XYZQUATToSE3(self._poses[name]))
             for name, body in self.bodies.items()
-            if name not in told
+            if name not in names
         }
 
     def replace_bodies(self, old: Iterable[str], new: Scene) -> list[Command]:
-        """Draw bodies in place of others, of which some may be gone; those of neither stay."""
+        """Draw bodies in place of others, some of which may be gone; all further ones stay."""
         gone = [name for name in old if name in self.bodies and name not in new.bodies]
         removed = [command for name in gone for command in self.remove_body(name)]
         return removed + [command for body in new for command in self.add_body(body)]
 
     def forget_run(self) -> list[Command]:
         """Remove the lines that the tips have drawn, and the goals."""
-        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._tip_paths = {side: TipPath(side) for side in self._robot.arms}
         self._goals = 0
-        goals = [delete(f"{GOALS_PATH}/{number}") for number in range(GOALS_KEPT)]
-        return [*goals, *(delete(f"/path/{side}") for side in self._sides)]
+        goals = [delete(f"{GOALS_PATH}/{number}") for number in range(MAX_GOALS)]
+        return [*goals, *(delete(f"/path/{side}") for side in self._robot.arms)]
 
     def move(
         self, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], holding: Mapping[str, bool]
     ) -> list[Command]:
-        """Move what is elsewhere now.
+        """Move the joints and bodies that are elsewhere now, and extend the tips' lines.
 
         Args:
             q: full configuration, shape (19,), rad and m.
             T_base_bodies: by name, poses of bodies seen from base.
-            holding: by side, whether the hand holds something; the tip's line is drawn in that
-                colour.
+            holding: by side, whether the hand holds something, which sets the line's colour.
         """
         commands = [*self._joint_commands(q), *self._moved(T_base_bodies)]
-        for side, point in self._tracker.points(q).items():
-            is_holding = holding.get(side, False)
-            commands += self._tip_paths[side].advance(point, is_holding=is_holding)
+        for side, arm in self._robot.arms.items():
+            point, is_holding = arm.T_base_tip(q[self._joints[side]]).translation, holding.get(side)
+            commands += self._tip_paths[side].advance(point.copy(), is_holding=bool(is_holding))
         return commands
 
     def _joint_commands(self, q: FloatArray) -> Iterator[Command]:

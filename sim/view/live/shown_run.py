@@ -1,59 +1,91 @@
-"""Shown run: what one simulation has told a live view, to be shown now and replayed in the end."""
+"""One simulation as a live view shows it: what its page displays beside the picture, and a record.
+
+The values are those of a recording, as far as they are known yet: velocities and accelerations are
+exact during a move of a plan, and the clearance is measured some ten times a second. Bodies that no
+event reported do not count.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.fields import FrozenMapping, evolve
+from baxter_kin.validation import FloatArray
 from planner import Body, Scene, State
+from planner.collision.robot.robot_shapes import RobotShapes
+from planner.errors import SceneError
 from sim.events import Event, EventKind, Snapshot
+from sim.recording.recorded_motion import AGREEMENT_RAD, RecordedMove, recorded_move
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.timeline import DEFAULT_TICK_S
+from sim.view.clearance import (
+    MIN_SPEED_RAD_S,
+    NO_BODY,
+    NO_MOTION,
+    NO_PAIR,
+    ClearanceMeter,
+    Hands,
+)
 from sim.view.gripper_status import GripperPhase, GripperStatus, sides_with_fingers
-from sim.view.telemetry.live import LiveTelemetry
+from sim.view.panel import MIN_MOVED_RAD, limits_of, waypoint
 
-FRAME_S = 1.0 / 60.0
-"""Shortest time between two frames that are sent."""
+MIN_FRAME_S = 1.0 / 60.0
+"""Minimum time between two frames that are sent."""
 
-KEPT_SNAPSHOTS = 12_000
-"""What was shown is kept for the replay at the end: the last two minutes at 100 Hz."""
+CLEARANCE_PERIOD_S = 0.1
+"""Real time between two measurements of the clearance."""
 
-_NONE: Mapping[str, Body] = FrozenMapping({})
+MAX_WAYPOINTS = 24
+"""Number of moves, the latest, that the page lists."""
+
+MAX_SNAPSHOTS = 12_000
+"""Number of snapshots for the replay at the end: the last two minutes at 100 Hz."""
+
+_NO_BODIES: Mapping[str, Body] = FrozenMapping({})
 
 
 class ShownRun:
-    """One simulation, from its begin on.
+    """One simulation, from its beginning. Not for several threads at once.
 
     Attributes:
         bodies: those of its world, by name.
-        drawn_only: the names of the others that were drawn meanwhile.
+        drawn_only: the names of other bodies that were drawn meanwhile.
     """
 
-    def __init__(self, robot: Baxter, state: State) -> None:
-        """Nothing told yet.
+    def __init__(
+        self, robot: Baxter, state: State, *, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        """Begin a run.
 
         Args:
-            robot: which is shown.
-            state: how its world is when it begins.
+            robot: the robot.
+            state: its world at the beginning.
+            clock: real time, s, which decides when to measure the clearance again.
         """
+        self._robot, self._clock = robot, clock
         self.bodies = dict(state.scene.bodies)
         self.drawn_only: set[str] = set()
-        self._recorder = Recorder(robot, keep=KEPT_SNAPSHOTS)
+        self._recorder = Recorder(robot, keep=MAX_SNAPSHOTS)
         self._recorder.remember(state.scene)
-        self._telemetry = LiveTelemetry(robot)
-        self._telemetry.start(state)
+        self._arms = {side: _ArmState(robot, side) for side in robot.arms}
+        self._hands = Hands({held.side: held.body for held in state.attachments})
         self._grippers = GripperStatus()
         self._fingered = sides_with_fingers(robot.joint_names)
+        self._shapes: RobotShapes | None = None
+        self._meter: ClearanceMeter | None = None
+        self._measured_s = -np.inf
+        self._moving: tuple[str, ...] = ()
+        self._waypoints: deque[dict[str, Any]] = deque(maxlen=MAX_WAYPOINTS)
         self._seed, self._seed_until_s = "", 0.0
         self._next_frame_s = 0.0
         self._last: Snapshot | None = None
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether there was no snapshot yet."""
-        return self._last is None
 
     @property
     def phases(self) -> Mapping[str, GripperPhase]:
@@ -61,64 +93,156 @@ class ShownRun:
         return self._grippers.phases
 
     def is_over(self, time_s: float) -> bool:
-        """Whether what happens at a time belongs to another run: time only goes forward."""
+        """Whether a time belongs to another run: it is before the last snapshot."""
         return self._last is not None and time_s < self._last.time_s
 
-    def hear(self, event: Event) -> None:
-        """Take note of what happened."""
-        self._recorder.on_event(event)
-        self._telemetry.hear(event)
-        self._grippers.hear(event)
+    def on_event(self, event: Event) -> None:
+        """Process an event."""
+        for observer in (self._recorder, self._grippers, self._hands):
+            observer.on_event(event)
         if event.body is not None and event.kind is EventKind.SPAWNED:
             self.bodies[event.body.name] = event.body
+            self._meter = None
         elif event.body is not None and event.kind is EventKind.DELETED:
             self.bodies.pop(event.body.name, None)
+            self._meter = None
         if event.move is not None:
             self._seed = "" if event.move.ik is None else event.move.seed_label
             self._seed_until_s = event.time_s + event.move.trajectory.duration
+        if (move := recorded_move(event)) is not None:
+            self._hands.on_move(move)
+            self._arms[move.limb].on_move(move)
+            self._end_waypoints(move.start_s, side=move.limb)
+            self._waypoints.append(waypoint(move, move.start_s, None))
+            self._measured_s = -np.inf  # its first frame has a clearance
 
-    def see(self, snapshot: Snapshot, others: Mapping[str, Body] = _NONE) -> None:
-        """Take note of how everything is, and of other bodies that are drawn, where they are."""
+    def on_snapshot(self, snapshot: Snapshot, others: Mapping[str, Body] = _NO_BODIES) -> None:
+        """Process a snapshot; `others` are further bodies that are drawn, where they are."""
         if others:
-            snapshot = self._with(others, snapshot)
+            self.drawn_only |= others.keys() - snapshot.T_base_bodies.keys()
+            self._recorder.remember(Scene(others))
+            poses = {name: body.T_base_body for name, body in others.items()}
+            snapshot = evolve(snapshot, T_base_bodies={**poses, **snapshot.T_base_bodies})
         states = snapshot.grippers.items()
-        self._grippers.see(
-            {side: state.percent for side, state in states if side in self._fingered}
-        )
+        self._grippers.on_percents({s: state.percent for s, state in states if s in self._fingered})
         if self._last is None or snapshot.time_s > self._last.time_s:
             self._recorder.on_snapshot(snapshot)
         self._last = snapshot
 
-    def _with(self, others: Mapping[str, Body], snapshot: Snapshot) -> Snapshot:
-        """A snapshot that has other bodies, too."""
-        self.drawn_only |= others.keys() - snapshot.T_base_bodies.keys()
-        self._recorder.remember(Scene(others))
-        poses = {name: body.T_base_body for name, body in others.items()}
-        return evolve(snapshot, T_base_bodies={**poses, **snapshot.T_base_bodies})
-
-    def takes_frame(self, time_s: float, speed: float) -> bool:
-        """Whether a frame of that time is to be sent, at so much of real time; it then counts."""
+    def is_frame_due(self, time_s: float, speed: float) -> bool:
+        """Whether to send a frame of that time; `speed` is that of simulated time. If so, once."""
         if time_s < self._next_frame_s:
             return False
-        self._next_frame_s = time_s + speed * FRAME_S
+        self._next_frame_s = time_s + speed * MIN_FRAME_S
         return True
 
-    def news(self, snapshot: Snapshot) -> dict[str, object]:
-        """What a page is told of it beside the picture, by topic.
+    def topics(self, snapshot: Snapshot) -> dict[str, object]:
+        """What the page displays of a snapshot beside the picture, by topic.
 
-        The seed is that of inverse kinematics which led to where the arm moves, empty between
-        moves.
+        The seed is that of the move under way, "" between moves. `unmeasured` is the reason why
+        there is no clearance, "" when there is one; both are absent until the next measurement.
         """
-        seed = self._seed if snapshot.time_s <= self._seed_until_s else ""
-        return {"caption": snapshot.caption, "seed": seed, **self._telemetry.see(snapshot)}
+        time_s = snapshot.time_s
+        states = {side: arm.at(time_s, snapshot.q) for side, arm in self._arms.items()}
+        moved = [side for side, arm in self._arms.items() if arm.has_moved]
+        speeds = {side: max(map(abs, states[side]["v"])) for side in moved}
+        now = tuple(side for side, speed in speeds.items() if speed > MIN_SPEED_RAD_S)
+        self._moving = now or self._moving or tuple(moved)
+        self._end_waypoints(time_s)
+        topics: dict[str, object] = {
+            "caption": snapshot.caption,
+            "seed": self._seed if time_s <= self._seed_until_s else "",
+            "arms": {side: self._arms[side].limits for side in moved},
+            "state": {"time": time_s, "arms": {side: states[side] for side in moved}},
+            "waypoints": list(self._waypoints),
+        }
+        now_s = self._clock()
+        if now_s - self._measured_s >= CLEARANCE_PERIOD_S:
+            self._measured_s = now_s
+            clearance = self._clearance(snapshot)
+            is_known = isinstance(clearance, dict)
+            topics["clearance"] = clearance if is_known else None
+            topics["unmeasured"] = "" if is_known else clearance
+        return topics
 
     def recording(self, note: str = "") -> Recording:
-        """What was shown, or the end of it.
-
-        Args:
-            note: what came of it, as its last caption.
-        """
+        """What was shown, or the end of it; `note` is added as the last caption."""
         if note and self._last is not None:
             time_s = self._last.time_s + DEFAULT_TICK_S
-            self.see(evolve(self._last, time_s=time_s, caption=note))
+            self.on_snapshot(evolve(self._last, time_s=time_s, caption=note))
         return self._recorder.recording()
+
+    def _end_waypoints(self, time_s: float, side: str | None = None) -> None:
+        """End the moves that are over, or are stopped by the next one of their side."""
+        for each in self._waypoints:
+            if each["end"] is None:
+                end_s = self._arms[each["side"]].end_s
+                if side == each["side"] or time_s >= end_s:
+                    each["end"] = min(time_s, end_s)
+
+    def _clearance(self, snapshot: Snapshot) -> dict[str, object] | str:
+        """The nearest pair, or the reason why it is unknown."""
+        if not self._moving:
+            return NO_MOTION
+        try:
+            self._shapes = self._shapes or RobotShapes(self._robot)
+            self._meter = self._meter or ClearanceMeter(self._shapes, self.bodies)
+        except SceneError:
+            return NO_BODY
+        found = self._meter.at(snapshot.q, snapshot.T_base_bodies, self._hands.now, self._moving)
+        if found is None:
+            return NO_PAIR
+        near, points = found
+        pair = {"distance_m": near.distance_m, "first": near.first, "second": near.second}
+        return {"time": snapshot.time_s, **pair, "points": points.reshape(-1).tolist()}
+
+
+class _ArmState:
+    """Position and speed of an arm.
+
+    Attributes:
+        has_moved: whether it has moved, or a move has begun.
+        limits: its joints and their limits, as the page reads them.
+        end_s: when the latest move ends.
+    """
+
+    def __init__(self, robot: Baxter, side: str) -> None:
+        self._arm = robot.arm(side)
+        self._where = list(robot.indices(self._arm.joint_names))
+        self.has_moved, self.limits, self.end_s = False, limits_of(self._arm), -np.inf
+        self._move: RecordedMove | None = None
+        self._order: list[int] = []
+        self._first_q: FloatArray | None = None
+        self._last: tuple[float, FloatArray, FloatArray] | None = None
+
+    def on_move(self, move: RecordedMove) -> None:
+        """Process the beginning of a move."""
+        self._move, self.end_s, self.has_moved = move, move.end_s, True
+        self._order = [move.joint_names.index(name) for name in self._arm.joint_names]
+        self.limits = limits_of(self._arm, [move.trajectory.limits])
+
+    def at(self, time_s: float, full: FloatArray) -> Mapping[str, list[float]]:
+        """Position, velocity and acceleration of the joints at a full configuration."""
+        q = full[self._where]
+        first = self._first_q = q if self._first_q is None else self._first_q
+        self.has_moved = self.has_moved or bool(np.abs(q - first).max() > MIN_MOVED_RAD)
+        v, a = self._exact(time_s, q) or self._differences(time_s, q)
+        self._last = time_s, q, v
+        return {"q": q.tolist(), "v": v.tolist(), "a": a.tolist()}
+
+    def _exact(self, time_s: float, q: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Those of the move under way, if the arm is where the move has it."""
+        move = self._move
+        if move is None or not move.start_s <= time_s <= move.end_s:
+            return None
+        at = move.trajectory.sample(time_s - move.start_s)
+        planned, v, a = (each[self._order] for each in at)
+        return (v, a) if np.abs(planned - q).max() <= AGREEMENT_RAD else None
+
+    def _differences(self, time_s: float, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        zero = np.zeros_like(q)
+        if self._last is None or time_s <= self._last[0]:
+            return zero, zero
+        last_s, last_q, last_v = self._last
+        v = (q - last_q) / (time_s - last_s)
+        return (v, (v - last_v) / (time_s - last_s)) if v.any() else (zero, zero)

@@ -30,7 +30,7 @@ AXIS_LENGTH_M = 0.12
 AXIS_RADIUS_M = 0.005
 
 SLIDER_RANGES_M = {"x": (-0.3, 1.3), "y": (-1.4, 1.4), "z": (-0.9, 1.3)}
-"""A little more than either arm reaches, in base."""
+"""Ranges a little beyond the reach of either arm, in base."""
 
 SLIDER_STEP_M = 0.005
 SLIDER_STEP_DEG = 1.0
@@ -46,27 +46,23 @@ _UNREACHABLE_RGBA: _Rgba = (0.95, 0.0, 0.0, 1.0)
 
 
 class TipTarget(NotCopied, OneLine):
-    """A pose that one arm's tip is to take, drawn as three axes: x red, y green, z blue.
+    """A target pose of one arm's tip, drawn as three axes: x red, y green, z blue.
 
-    All three are red while the pose cannot be reached; the caption then says why, and the arm stays
-    at the last pose that could. Several targets, as for both arms, may share a view.
+    All three are red while the pose cannot be reached; the caption then states the reason, and the
+    arm stays at the last reachable pose. Several targets, as for both arms, may share a view.
 
     Attributes:
-        T_base_target: the pose asked for last, seen from base; at first that of the tip.
-        result: the answer to it; None before the first.
+        T_base_target: the latest target, seen from base; at first the pose of the tip.
+        result: the result of inverse kinematics for it; None before the first.
     """
 
     def __init__(self, viewer: Viewer, robot: Baxter, side: str) -> None:
         """Begin with the arm as the view shows it.
 
         Args:
-            viewer: where to show arm and target.
+            viewer: the view of the arm and the target.
             robot: the robot in it.
             side: "left" or "right".
-
-        Raises:
-            UnknownNameError: when there is no such side.
-            ViewerError: when the viewer or the robot has the wrong type, or the viewer is closed.
         """
         self._viewer = expect(viewer, Viewer, "viewer", ViewerError)
         self._arm = expect(robot, Baxter, "robot", ViewerError).arm(side)
@@ -86,27 +82,32 @@ class TipTarget(NotCopied, OneLine):
         """Move the target, solve for the joints from where they are, and show both.
 
         Args:
-            x: position in base, m.
-            y: the same along y.
-            z: the same along z.
+            x: position in base along x, m.
+            y: position along y, m.
+            z: position along z, m.
             roll: rotation about base's x axis, the first of three about fixed axes, rad.
             pitch: then about base's y axis, rad.
             yaw: then about base's z axis, rad.
 
         Returns:
-            The solution, or why there is none.
+            The solution, or the reason why there is none.
 
         Raises:
             ViewerError: when a number is not finite, or the view is closed.
         """
-        values = (x, y, z, roll, pitch, yaw)
-        names = ("x", "y", "z", "roll", "pitch", "yaw")
-        checked = [
-            finite_scalar(value, name, ViewerError)
-            for name, value in zip(names, values, strict=True)
-        ]
+        given = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
+        checked = [finite_scalar(value, name, ViewerError) for name, value in given.items()]
         self.T_base_target = pin.SE3(pin.rpy.rpyToMatrix(*checked[3:]), np.array(checked[:3]))
-        return self._follow()
+        q, side = self._viewer.q, self._arm.side
+        result = self._ik.solve(self.T_base_target, current=q[self._joints], mode=SeedMode.AUTO)
+        self.result = result
+        self._show_axes(is_reachable=result.is_valid)
+        if result.is_valid:
+            q[self._joints] = result.q
+            self._viewer.show(q, {}, f"{side} tip at its target", seed=result.label)
+        else:
+            self._viewer.show(q, {}, f"{side} tip: {result.failure}")
+        return result
 
     def sliders(self) -> Any:
         """Six sliders that move the target, as an ipywidgets box; angles in degrees.
@@ -120,9 +121,22 @@ class TipTarget(NotCopied, OneLine):
             raise ViewerError(
                 f"the sliders need ipywidgets; {run_to_install('ipywidgets')}"
             ) from cause
+        angles = dict.fromkeys(("roll", "pitch", "yaw"), (-180.0, 180.0))
+        values = [
+            *self.T_base_target.translation.tolist(),
+            *np.degrees(pin.rpy.matrixToRpy(self.T_base_target.rotation)).tolist(),
+        ]
         sliders = [
-            ipywidgets.FloatSlider(description=name, value=value, min=low, max=high, step=step)
-            for name, value, (low, high), step in self._slider_settings()
+            ipywidgets.FloatSlider(
+                description=f"{name} (°)" if name in angles else f"{name} (m)",
+                value=value,
+                min=low,
+                max=high,
+                step=SLIDER_STEP_DEG if name in angles else SLIDER_STEP_M,
+            )
+            for (name, (low, high)), value in zip(
+                (SLIDER_RANGES_M | angles).items(), values, strict=True
+            )
         ]
 
         def move(_change: object) -> None:
@@ -134,26 +148,8 @@ class TipTarget(NotCopied, OneLine):
         return ipywidgets.VBox(sliders)
 
     def remove(self) -> None:
-        """Take the axes out of the view; the arm stays.
-
-        Raises:
-            ViewerError: when they are gone already, or the view is closed.
-        """
+        """Remove the axes from the view; the arm stays."""
         self._viewer.remove_body(self._name)
-
-    def _follow(self) -> IKResult:
-        q = self._viewer.q
-        self.result = self._ik.solve(
-            self.T_base_target, current=q[self._joints], mode=SeedMode.AUTO
-        )
-        self._show_axes(is_reachable=self.result.is_valid)
-        if self.result.is_valid:
-            q[self._joints] = self.result.q
-            caption = f"{self._arm.side} tip at its target"
-        else:
-            caption = f"{self._arm.side} tip: {self.result.failure}"
-        self._viewer.show(q, {}, caption, seed=self.result.label if self.result.is_valid else "")
-        return self.result
 
     def _show_axes(self, *, is_reachable: bool) -> None:
         parts = tuple(
@@ -161,20 +157,6 @@ class TipTarget(NotCopied, OneLine):
             for direction, rgba in zip(np.eye(3), _AXIS_RGBA, strict=True)
         )
         self._viewer.add_body(Body(self._name, parts, self.T_base_target))
-
-    def _slider_settings(self) -> list[tuple[str, float, tuple[float, float], float]]:
-        """Name, value, range and step of each slider."""
-        position = self.T_base_target.translation.tolist()
-        angles_deg = np.degrees(pin.rpy.matrixToRpy(self.T_base_target.rotation)).tolist()
-        lengths = [
-            (f"{name} (m)", value, limits, SLIDER_STEP_M)
-            for (name, limits), value in zip(SLIDER_RANGES_M.items(), position, strict=True)
-        ]
-        angles = [
-            (f"{name} (°)", value, (-180.0, 180.0), SLIDER_STEP_DEG)
-            for name, value in zip(("roll", "pitch", "yaw"), angles_deg, strict=True)
-        ]
-        return lengths + angles
 
 
 def _axis(direction: FloatArray, rgba: _Rgba) -> Part:

@@ -56,7 +56,7 @@ class BothArms(ClearanceChecker):
         there[self.motion_bounds.q_index] = q
         return np.array(self.distances_m(there, pairs.tolist()))
 
-    def nearest(self, full: FloatArray, q: FloatArray, pairs: Indices) -> Clearance:
+    def nearest_by_peers(self, full: FloatArray, q: FloatArray, pairs: Indices) -> Clearance:
         """The smallest distance of some pairs by Pinocchio and coal, with both arms at `q`."""
         data, there = self.robot.createData(), np.array(full)
         there[self.motion_bounds.q_index] = q
@@ -241,7 +241,7 @@ def test_no_point_of_one_hand_accelerates_more_than_its_bound_seen_from_the_othe
 def sampled(checker: BothArms, full: FloatArray, motion: Trajectory, pairs: Indices) -> FloatArray:
     """The smallest distances of some pairs at samples of a motion, by Pinocchio and coal."""
     qs = motion.sample(np.linspace(0.0, motion.duration, SAMPLES)).q
-    return np.array([checker.nearest(full, q, pairs).distance_m for q in qs])
+    return np.array([checker.nearest_by_peers(full, q, pairs).distance_m for q in qs])
 
 
 def random_motion(checker: BothArms, neutral: FloatArray, seed: int) -> Trajectory:
@@ -280,7 +280,7 @@ def test_a_collision_of_both_arms_is_found_with_its_pair_and_time(
     assert near.time_s is not None
     assert {name[0] for name in (near.first, near.second)} == {"l", "r"}
     q = motion.sample(near.time_s).q
-    at_it = checker.nearest(full, q, checker.across)
+    at_it = checker.nearest_by_peers(full, q, checker.across)
     assert at_it.distance_m <= near.distance_m + GJK_M <= GJK_M
     assert at_it.distance_m == pytest.approx(near.distance_m, abs=GJK_M)
 

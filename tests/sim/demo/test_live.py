@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from sim.demo import main, outputs
+from sim.demo import main
+from sim.view.live import viewer
 from tests.sim.conftest import Watched
 from tests.sim.view.live.websocket import DEADLINE_S, Page
 from tests.sim.view.replay_decoding import decoded
@@ -35,7 +36,7 @@ def test_it_opens_the_page_once(
     for name, value in environ.items():
         monkeypatch.setenv(name, value)
     found: list[str] = []
-    monkeypatch.setattr(outputs, "open_page", found.append)
+    monkeypatch.setattr(viewer, "open_page", found.append)
     monkeypatch.setattr(sys, "platform", "linux")
     port = free_port()
     obstacle = ["--obstacle", "0.6", "0.3", "0", "1", "1", "1"]
@@ -132,7 +133,7 @@ def test_a_browser_can_play_it_again_when_the_program_has_ended(watched: Watched
     watched.page.wait_for_function("element('caption').textContent.includes('pick: ')")
 
 
-def test_a_failure_is_said_in_the_page() -> None:
+def test_a_failure_is_shown_in_the_page() -> None:
     with demo("--add-pose", "1.5", "0", "-0.129", "--cycles", "2") as (process, page):
         status, complained = ended(process, page)
     assert status == 1

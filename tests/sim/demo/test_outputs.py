@@ -70,7 +70,7 @@ def test_closed_files_hold_all_that_was_shown(world: World, tmp_path: Path) -> N
     assert [len(recording.times_s) for recording in found] == [21, 21]
 
 
-def test_every_output_that_is_asked_for_is_made_the_csv_first(world: World, tmp_path: Path) -> None:
+def test_every_output_that_is_requested_is_made_the_csv_first(world: World, tmp_path: Path) -> None:
     paths = {kind: str(tmp_path / f"run.{kind}") for kind in ("csv", "npz", "html")}
     line = ["--html", paths["html"], "--record", paths["npz"], "--csv", paths["csv"]]
     assert recorded(world, line) == [CsvRecorder, Recorder, Recorder]

@@ -116,7 +116,7 @@ def test_only_the_last_cycles_and_events_are_kept(report: Report, manipulator: M
     assert len(data["events"]) == MAX_EVENTS
 
 
-def test_a_report_is_no_success_until_it_is_said(report: Report) -> None:
+def test_a_report_is_no_success_until_it_is_done(report: Report) -> None:
     assert (report.as_json()["success"], report.as_json()["failure"]) == (
         False,
         "it did not finish",

@@ -156,7 +156,7 @@ def test_fingers_pass_22_mm_above_the_table(report: dict[str, Any]) -> None:
     assert report["min_clearance_m"] == pytest.approx(0.0222, abs=1e-4)
 
 
-def test_events_tell_the_whole_story_in_order(report: dict[str, Any]) -> None:
+def test_events_are_complete_and_in_order(report: dict[str, Any]) -> None:
     kinds = [event["kind"] for event in report["events"]]
     assert kinds[:3] == ["spawned", "spawned", "enabled"]
     assert kinds[-2:] == ["deleted", "deleted"]
@@ -235,7 +235,7 @@ def test_without_retries_a_miss_ends_the_demo(tmp_path: Path) -> None:
     assert "block was not placed in one attempt; the last: pick: close: missed" in report["failure"]
 
 
-def test_exact_eyes_are_as_good_as_none(tmp_path: Path) -> None:
+def test_exact_poses_are_as_good_as_the_true_ones(tmp_path: Path) -> None:
     report = report_of(tmp_path, "--retries", "0", "--cycles", "2")
     assert report["success"]
     assert report["noise"] == {"position_m": 0.0, "yaw_rad": 0.0, "retries": 0, "seed": 0}
@@ -316,7 +316,7 @@ def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
     assert all(math.isfinite(float(value)) for row in rows[1:] for value in row)
 
 
-def test_csv_with_a_dwell_is_what_a_robot_is_told(tmp_path: Path, robot: Baxter) -> None:
+def test_csv_with_a_dwell_is_what_a_robot_is_sent(tmp_path: Path, robot: Baxter) -> None:
     path = tmp_path / "robot.csv"
     report_of(tmp_path, "--csv", str(path), "--dwell", "0.5", "--cycles", "2")
     found, notes = read_rsdk_csv(path, robot)
@@ -422,7 +422,7 @@ def test_summary_without_a_transfer_compares_none(capsys: pytest.CaptureFixture[
     assert "from grasp to release" not in said
 
 
-def test_verbose_tells_every_event_and_quiet_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verbose_states_every_event_and_quiet_none(capsys: pytest.CaptureFixture[str]) -> None:
     main(["--headless", "-v", "--cycles", "1"])
     assert "block at rest on table" in capsys.readouterr().out
     main(["--headless", "-q", "--cycles", "1"])

@@ -53,7 +53,7 @@ class TestTruth:
         assert found == [0.1265, 0.2, 0.2]
 
     @pytest.mark.parametrize("bad", [None, "world"])
-    def test_a_world_that_is_none_is_refused(self, bad: Any) -> None:
+    def test_a_world_that_is_invalid_is_refused(self, bad: Any) -> None:
         with pytest.raises(SimulationError, match="world"):
             TruePoses(bad)
 

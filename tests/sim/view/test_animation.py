@@ -15,8 +15,8 @@ from sim.view.animation import (
     Track,
     animation_commands,
     frame_samples,
+    key_samples,
     recorded_tracks,
-    telling_samples,
 )
 from sim.view.appearance import Appearance
 from sim.view.scenegraph import RobotTree
@@ -104,7 +104,7 @@ def test_the_animation_comes_after_all_it_moves(tracks: list[Track]) -> None:
 @given(motions)
 def test_interpolation_gives_the_samples_left_out(values: NDArray[np.float64]) -> None:
     times = np.linspace(0.0, 1.0, len(values)) if len(values) > 1 else np.zeros(1)
-    kept = telling_samples(times, values, TOLERANCE)
+    kept = key_samples(times, values, TOLERANCE)
     for column in values.T:
         shown = np.interp(times, times[kept], column[kept])
         assert np.abs(shown - column).max() <= TOLERANCE + 1e-12
@@ -112,13 +112,13 @@ def test_interpolation_gives_the_samples_left_out(values: NDArray[np.float64]) -
 
 @given(motions)
 def test_keeps_both_ends(values: NDArray[np.float64]) -> None:
-    kept = telling_samples(np.arange(len(values), dtype=float), values, TOLERANCE)
+    kept = key_samples(np.arange(len(values), dtype=float), values, TOLERANCE)
     assert (kept[0], kept[-1]) == (0, len(values) - 1)
 
 
 def test_a_straight_line_needs_two_samples() -> None:
     times = np.linspace(0.0, 5.0, 501)
-    assert telling_samples(times, 0.3 * times[:, None], 1e-9).tolist() == [0, 500]
+    assert key_samples(times, 0.3 * times[:, None], 1e-9).tolist() == [0, 500]
 
 
 def test_takes_no_more_frames_than_promised() -> None:

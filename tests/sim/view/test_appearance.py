@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from sim.errors import SimulationError
-from sim.view.appearance import Appearance, LinkMesh
+from sim.view.appearance import Appearance
 
 MAX_BYTES = 1_000_000
 
@@ -96,7 +95,7 @@ def test_the_arms_are_red(appearance: Appearance) -> None:
 
 
 def test_normals_are_of_unit_length(appearance: Appearance) -> None:
-    for mesh in appearance.meshes.values():
+    for mesh in {part.mesh.name: part.mesh for part in appearance.parts}.values():
         lengths = np.linalg.norm(mesh.normals.astype(float), axis=1)
         assert np.abs(lengths - 127.0).max() < 1.0, mesh.name
 
@@ -111,7 +110,7 @@ def test_carries_the_licence_of_the_meshes(appearance: Appearance) -> None:
 
 def test_arrays_cannot_be_changed(appearance: Appearance) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        appearance.meshes["E0.0"].vertices[0] = 0
+        appearance.parts[0].mesh.vertices[0] = 0
 
 
 def test_needs_neither_the_original_meshes_nor_what_reads_them() -> None:
@@ -123,15 +122,3 @@ def test_needs_neither_the_original_meshes_nor_what_reads_them() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=300
     )
     assert run.stdout.strip() == "[]"
-
-
-def test_refuses_a_mesh_whose_faces_miss_their_vertices() -> None:
-    with pytest.raises(SimulationError, match="damaged"):
-        LinkMesh(
-            name="broken",
-            vertices=np.zeros((3, 3), dtype=np.int16),
-            normals=np.zeros((3, 3), dtype=np.int8),
-            faces=np.array([[0, 1, 3]], dtype=np.uint16),
-            centre_m=np.zeros(3),
-            scale_m=1.0,
-        )

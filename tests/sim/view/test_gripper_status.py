@@ -22,7 +22,7 @@ def story_of(*percents: float, side: str = "left") -> GripperStatus:
     story = GripperStatus()
     other = {"left": "right", "right": "left"}[side]
     for percent in percents:
-        story.see({side: percent, other: 0.0})
+        story.on_percents({side: percent, other: 0.0})
     return story
 
 
@@ -46,34 +46,34 @@ def test_positions_tell_what_the_fingers_do(percents: tuple[float, ...], words: 
 def test_hand_and_body_are_those_of_the_event(block: Body, side: str, name: str) -> None:
     """Whatever its text says, and whichever fingers moved last."""
     story = story_of(100.0, 60.0, side="right")
-    story.hear(told(EventKind.GRASPED, side, named(block, name)))
+    story.on_event(told(EventKind.GRASPED, side, named(block, name)))
     assert story.phases[side].words == f"holding {name}"
     assert [phase.is_holding for phase in story.phases.values()].count(True) == 1
 
 
 def test_it_holds_on_while_the_fingers_settle(block: Body) -> None:
     story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, body=block))
-    story.see({"left": 59.0, "right": 0.0})
+    story.on_event(told(EventKind.GRASPED, body=block))
+    story.on_percents({"left": 59.0, "right": 0.0})
     assert story.phases["left"].mood is GripperMood.HOLDING
 
 
 def test_a_miss_is_told_until_the_hand_opens() -> None:
     story = story_of(100.0, 10.0)
-    story.hear(told(EventKind.MISSED))
-    story.see({"left": 0.0, "right": 0.0})
-    story.see({"left": 0.0, "right": 0.0})
+    story.on_event(told(EventKind.MISSED))
+    story.on_percents({"left": 0.0, "right": 0.0})
+    story.on_percents({"left": 0.0, "right": 0.0})
     assert story.phases["left"].mood is GripperMood.MISSED
-    story.see({"left": 5.0, "right": 0.0})
+    story.on_percents({"left": 5.0, "right": 0.0})
     assert story.phases["left"].words == "opening"
 
 
 def test_one_hand_lets_go_while_the_other_holds(block: Body) -> None:
     story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, body=block))
-    story.see({"left": 60.0, "right": 60.0})
-    story.hear(told(EventKind.GRASPED, "right", named(block, "block 2")))
-    story.hear(told(EventKind.RELEASED, body=block))
+    story.on_event(told(EventKind.GRASPED, body=block))
+    story.on_percents({"left": 60.0, "right": 60.0})
+    story.on_event(told(EventKind.GRASPED, "right", named(block, "block 2")))
+    story.on_event(told(EventKind.RELEASED, body=block))
     assert story.phases["left"].words == "opening"
     assert story.phases["right"].words == "holding block 2"
 
@@ -81,7 +81,7 @@ def test_one_hand_lets_go_while_the_other_holds(block: Body) -> None:
 def test_an_event_of_no_side_tells_nothing(block: Body) -> None:
     """As of recordings that kept none."""
     story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, None, block))
+    story.on_event(told(EventKind.GRASPED, None, block))
     assert story.phases["left"].words == "closing"
 
 

@@ -13,7 +13,7 @@ from sim.recording.recording import Recording
 from sim.view.appearance import Appearance
 from sim.view.overlays import (
     GHOST_PATH,
-    MOST_GOALS,
+    MAX_GOALS,
     frame_commands,
     frame_paths,
     ghost_commands,
@@ -95,7 +95,7 @@ def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
 def test_goals_share_the_robots_triangles(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
-    known = {f"mesh {name}" for name in appearance.meshes}
+    known = {f"mesh {part.mesh.name}" for part in appearance.parts}
     for command in goal_commands(executed, robot, appearance):
         assert command["object"]["geometries"][0]["uuid"] in known
 
@@ -118,11 +118,11 @@ def test_there_are_not_more_goals_than_allowed(
     trajectory = move.trajectory
     moves = [
         evolve(move, trajectory=evolve(trajectory, q=trajectory.q + 0.01 * number))
-        for number in range(MOST_GOALS + 5)
+        for number in range(MAX_GOALS + 5)
     ]
     many = evolve(executed, moves=tuple(moves))
     drawn = {c["path"].split("/")[2] for c in goal_commands(many, robot, appearance)}
-    assert len(drawn) == MOST_GOALS
+    assert len(drawn) == MAX_GOALS
 
 
 def test_a_ghost_has_only_the_parts_that_can_differ(

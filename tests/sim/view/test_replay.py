@@ -18,8 +18,7 @@ from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.replay import Replay, replay_html, write_replay
-from sim.view.replay_content import _seeds
+from sim.view.replay import Replay, _seeds, replay_html, write_replay
 from tests.sim.conftest import (
     APPEARS_S,
     DURATION_S,

@@ -16,14 +16,19 @@ from planner import Body, Manipulator, PickAndPlace, Plan, RobotBody, Scene, pla
 from sim import Replay
 from sim.errors import RecordingError
 from sim.recording.recording import Recording
-from sim.view.replay import write_replay
-from sim.view.replay_content import encoded_content
-from sim.view.telemetry.clearance import NO_MOTION
+from sim.view.clearance import NO_MOTION
+from sim.view.encoding import encoded
+from sim.view.replay import replay_content, write_replay
 from tests.baxter_kin.description.test_hands import BALL
 from tests.conftest import at, overhead
 from tests.sim.conftest import Watched, watched_page
 from tests.sim.view.replay_decoding import decoded
 from tests.sim.view.test_replay import MAX_BYTES, MAX_GZIPPED
+
+
+def content_of(*args: Any, **options: Any) -> dict[str, Any]:
+    """The content as a page decodes it."""
+    return decoded(encoded(replay_content(*args, **options)))
 
 
 def layers_of(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -40,12 +45,12 @@ def slower(executed: Recording) -> Recording:
 
 @pytest.fixture(scope="module")
 def content(executed: Recording, robot: Baxter) -> dict[str, Any]:
-    return decoded(encoded_content(executed, robot))
+    return content_of(executed, robot)
 
 
 @pytest.fixture(scope="module")
 def compared(executed: Recording, slower: Recording, robot: Baxter) -> dict[str, Any]:
-    return decoded(encoded_content(executed, robot, compare=slower))
+    return content_of(executed, robot, compare=slower)
 
 
 def test_layers_are_those_that_there_are(content: dict[str, Any]) -> None:
@@ -60,7 +65,7 @@ def test_layers_are_those_that_there_are(content: dict[str, Any]) -> None:
 
 
 def test_every_node_of_a_layer_is_drawn(executed: Recording, robot: Baxter) -> None:
-    content = decoded(encoded_content(executed, robot, body=RobotBody.load(), compare=executed))
+    content = content_of(executed, robot, body=RobotBody.load(), compare=executed)
     drawn = [command["path"] for command in content["commands"] if "path" in command]
     layers = layers_of(content)
     assert set(layers) == {"robot", "body", "paths", "goals", "frames", "ghost", "nearest"}
@@ -70,14 +75,14 @@ def test_every_node_of_a_layer_is_drawn(executed: Recording, robot: Baxter) -> N
 
 
 def test_a_recording_without_moves_has_no_goals(executed: Recording, robot: Baxter) -> None:
-    content = decoded(encoded_content(evolve(executed, moves=()), robot))
+    content = content_of(evolve(executed, moves=()), robot)
     assert "goals" not in layers_of(content)
     assert content["waypoints"] == []
 
 
 def test_what_does_not_move_has_no_clearance(executed: Recording, robot: Baxter) -> None:
     still = evolve(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
-    content = decoded(encoded_content(still, robot))
+    content = content_of(still, robot)
     assert content["clearance"] is None
     assert content["unmeasured"] == NO_MOTION
     assert content["arms"] == {}
@@ -88,7 +93,7 @@ def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
     executed: Recording, robot: Baxter
 ) -> None:
     names = list(executed.bodies)
-    content = decoded(encoded_content(executed, robot, uncounted=names))
+    content = content_of(executed, robot, uncounted=names)
     assert not set(names) & set(content["clearance"]["names"])
     assert any(command["path"] == "/bodies/block/0" for command in content["commands"])
 
@@ -116,7 +121,7 @@ def with_pen(robot: Baxter, executed: Recording) -> tuple[Baxter, Recording]:
 
 def test_a_tool_has_no_gripper_badge(with_pen: tuple[Baxter, Recording]) -> None:
     robot, recording = with_pen
-    content = decoded(encoded_content(recording, robot))
+    content = content_of(recording, robot)
     assert "left" not in content["grippers"]
     assert content["sides"] == ["left"]
 
@@ -125,7 +130,7 @@ def test_a_page_lasts_as_long_as_the_longer_recording(
     compared: dict[str, Any], slower: Recording, executed: Recording, robot: Baxter
 ) -> None:
     assert compared["duration"] == pytest.approx(slower.duration_s)
-    turned = decoded(encoded_content(slower, robot, compare=executed))
+    turned = content_of(slower, robot, compare=executed)
     assert turned["duration"] == pytest.approx(slower.duration_s)
     assert compared["captions"] != turned["captions"]
 
@@ -144,7 +149,9 @@ def test_a_ghost_moves_on_its_own_clock(compared: dict[str, Any], slower: Record
 
 
 def test_a_ghost_costs_few_bytes(executed: Recording, slower: Recording, robot: Baxter) -> None:
-    plain, both = (len(encoded_content(executed, robot, compare=other)) for other in (None, slower))
+    plain, both = (
+        len(encoded(replay_content(executed, robot, compare=other))) for other in (None, slower)
+    )
     assert both - plain < 150_000
 
 
@@ -161,7 +168,7 @@ def test_a_page_with_everything_is_small_enough(
 def test_another_robots_recording_is_refused_as_a_ghost(executed: Recording) -> None:
     other = Baxter.load(hands={"left": None, "right": None})
     with pytest.raises(RecordingError, match="joints are not those"):
-        encoded_content(executed, other)
+        Replay(executed, other)
     with pytest.raises(RecordingError, match=r"needs a Recording or a Plan, got str"):
         Replay(executed, compare="fast")  # type: ignore[arg-type]
 

@@ -8,18 +8,17 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from sim.recording.recording import Recording
+from sim.view.encoding import Command
 from sim.view.gripper_status import gripper_timelines
-from sim.view.meshcat_commands import Command
 from sim.view.tip_path import (
     EMPTY_RGB,
     HOLDING_RGB,
-    LONGEST_JUMP_M,
-    PIECE_POINTS,
-    PIECES_KEPT,
-    STRETCH_M,
+    MAX_PIECE_POINTS,
+    MAX_PIECES,
+    MAX_STEP_M,
+    SEGMENT_M,
     PathPiece,
     TipPath,
-    TipTracker,
     recorded_paths,
 )
 
@@ -44,7 +43,7 @@ def walk(
         command
         for step in range(steps)
         for command in tip_path.advance(
-            np.array([start_m + 1.01 * STRETCH_M * step, 0.0, 0.0]), is_holding=is_holding
+            np.array([start_m + 1.01 * SEGMENT_M * step, 0.0, 0.0]), is_holding=is_holding
         )
     ]
 
@@ -56,15 +55,6 @@ def colour(command: Command) -> int:
 def hexed(rgb: tuple[float, float, float]) -> int:
     red, green, blue = (round(255 * value) for value in rgb)
     return red << 16 | green << 8 | blue
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_tips_are_where_the_arms_say(robot: Baxter, side: str) -> None:
-    arm = robot.arm(side)
-    joints = arm.random_configuration(np.random.default_rng(7))
-    q = robot.configuration(arm.joints(joints))
-    point = TipTracker(robot).points(q)[side]
-    assert np.abs(point - arm.T_base_tip(joints).translation).max() < 1e-12
 
 
 def test_a_pick_and_place_is_empty_laden_and_empty(pieces: list[PathPiece]) -> None:
@@ -94,10 +84,11 @@ def test_times_increase(pieces: list[PathPiece]) -> None:
 def test_lines_pass_where_the_tip_was(
     pieces: list[PathPiece], executed: Recording, robot: Baxter
 ) -> None:
-    tracker = TipTracker(robot)
+    arm = robot.arm("left")
+    joints = list(robot.indices(arm.joint_names))
     drawn = np.concatenate([_refined(piece.points_base) for piece in pieces])
     for q in executed.q[::15]:
-        offsets = np.linalg.norm(drawn - tracker.points(q)["left"], axis=1)
+        offsets = np.linalg.norm(drawn - arm.T_base_tip(q[joints]).translation, axis=1)
         assert offsets.min() < 2 * LINE_TOLERANCE_M
 
 
@@ -111,7 +102,7 @@ def _refined(
 def test_a_line_has_no_more_points_than_it_needs(pieces: list[PathPiece]) -> None:
     points = np.concatenate([piece.points_base for piece in pieces])
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    assert len(points) < 2 * length / STRETCH_M
+    assert len(points) < 2 * length / SEGMENT_M
 
 
 def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
@@ -134,30 +125,30 @@ def test_a_line_is_drawn_behind_a_tip_that_moves() -> None:
 
 
 def test_a_growing_piece_takes_the_place_of_its_shorter_self() -> None:
-    assert len({line["path"] for line in walk(TipPath("left"), PIECE_POINTS)}) == 1
+    assert len({line["path"] for line in walk(TipPath("left"), MAX_PIECE_POINTS)}) == 1
 
 
 def test_a_full_piece_is_followed_by_the_next() -> None:
-    assert len({line["path"] for line in walk(TipPath("left"), PIECE_POINTS + 1)}) == 2
+    assert len({line["path"] for line in walk(TipPath("left"), MAX_PIECE_POINTS + 1)}) == 2
 
 
 def test_the_colour_changes_with_the_grasp() -> None:
     tip_path = TipPath("left")
     empty = walk(tip_path, 3)
-    laden = walk(tip_path, 3, start_m=3 * STRETCH_M, is_holding=True)
+    laden = walk(tip_path, 3, start_m=3 * SEGMENT_M, is_holding=True)
     assert {colour(line) for line in empty} == {hexed(EMPTY_RGB)}
     assert {colour(line) for line in laden} == {hexed(HOLDING_RGB)}
 
 
 def test_old_pieces_vanish() -> None:
-    commands = walk(TipPath("left"), PIECE_POINTS * (PIECES_KEPT + 5))
+    commands = walk(TipPath("left"), MAX_PIECE_POINTS * (MAX_PIECES + 5))
     drawn = {c["path"] for c in commands if c["type"] == "set_object"}
     deleted = {c["path"] for c in commands if c["type"] == "delete"}
-    assert len(drawn - deleted) == PIECES_KEPT
+    assert len(drawn - deleted) == MAX_PIECES
 
 
 def test_a_jump_is_not_drawn_in_a_trail() -> None:
     tip_path = TipPath("left")
     walk(tip_path, 3)
-    far = np.array([3 * STRETCH_M + 2 * LONGEST_JUMP_M, 0.0, 0.0])
+    far = np.array([3 * SEGMENT_M + 2 * MAX_STEP_M, 0.0, 0.0])
     assert tip_path.advance(far, is_holding=False) == []

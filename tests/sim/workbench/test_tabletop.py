@@ -119,7 +119,7 @@ def test_a_size_is_above_zero(bench: Workbench) -> None:
         ({"yaw_rad": 45.0}, "at most a whole turn, got 45; are these degrees.* 0.7854 rad"),
     ],
 )
-def test_other_units_are_asked_about(bench: Workbench, block: dict[str, Any], hint: str) -> None:
+def test_other_units_are_questioned(bench: Workbench, block: dict[str, Any], hint: str) -> None:
     with pytest.raises(SceneError, match=hint):
         bench.add_block("blue", **({"x_m": 0.7, "y_m": 0.0} | block))
 

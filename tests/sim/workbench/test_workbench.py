@@ -50,7 +50,7 @@ def middle_of(bench: Workbench, block: str) -> list[float]:
     return middle
 
 
-def test_a_block_goes_where_it_is_told(carried: tuple[Workbench, TaskResult]) -> None:
+def test_a_block_goes_where_it_is_sent(carried: tuple[Workbench, TaskResult]) -> None:
     bench, task = carried
     assert task.is_done
     assert middle_of(bench, "red") == pytest.approx(
@@ -176,7 +176,7 @@ def test_a_place_that_is_taken_is_refused(bench: Workbench) -> None:
     assert "blue" in str(task)
 
 
-def test_a_block_that_would_hang_in_the_air_is_refused_or_told(still: Workbench) -> None:
+def test_a_block_that_would_hang_in_the_air_is_refused_or_reported(still: Workbench) -> None:
     task = still.carry("red", to=on_table(0.75, 0.0, 0.05, above_m=0.1))
     assert not task.is_done
     assert "verified" not in task.verdict
@@ -243,7 +243,7 @@ IN_MILLIMETRES = (
 )
 
 
-def test_a_place_in_millimetres_is_asked_about(still: Workbench) -> None:
+def test_a_place_in_millimetres_is_questioned(still: Workbench) -> None:
     with pytest.raises(SceneError, match=f"^no room for 'blue': {IN_MILLIMETRES}"):
         still.add_block("blue", 700, 150)
     for to in ((700, 150), at(700.0, 150.0, -130.0)):
@@ -296,7 +296,7 @@ def test_a_new_bench_can_be_recorded(bench: Workbench) -> None:
     assert bench.recording().times_s.tolist() == [0.0]
 
 
-def test_who_observes_is_told(robot: Baxter) -> None:
+def test_observers_are_notified(robot: Baxter) -> None:
     class Diary(Observer):
         def __init__(self) -> None:
             self.kinds: list[EventKind] = []

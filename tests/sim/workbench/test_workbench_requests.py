@@ -26,12 +26,12 @@ def bench(robot: Baxter) -> Workbench:
     return bench
 
 
-def test_a_block_as_place_is_asked_for_by_onto(bench: Workbench) -> None:
+def test_a_block_as_place_needs_onto(bench: Workbench) -> None:
     with pytest.raises(SceneError, match="to put it on 'blue', write onto='blue'"):
         bench.carry("red", to="blue")
 
 
-def test_a_place_as_block_is_asked_for_by_to(bench: Workbench) -> None:
+def test_a_place_as_block_needs_to(bench: Workbench) -> None:
     onto: Any = (0.7, 0.0)
     with pytest.raises(SceneError, match=r"name of a block, such as 'blue', got \(0.7, 0.0\)"):
         bench.carry("red", onto=onto)
@@ -52,13 +52,13 @@ def test_a_place_may_be_seen_from_a_frame_of_ones_own(bench: Workbench) -> None:
         ((750.0, 0.0), "are these millimetres? Lengths are in metres: 750 mm is 0.75 m"),
     ],
 )
-def test_a_place_in_other_units_is_asked_about(
+def test_a_place_in_other_units_is_questioned(
     bench: Workbench, to: tuple[float, float], hint: str
 ) -> None:
     assert str(bench.carry("red", to=to)).endswith(hint)
 
 
-def test_a_place_beside_the_table_is_not_asked_about(bench: Workbench) -> None:
+def test_a_place_beside_the_table_is_not_questioned(bench: Workbench) -> None:
     assert "are these" not in str(bench.carry("red", to=(1.6, 0.0)))
 
 

@@ -154,7 +154,7 @@ class TestTable:
         lowest = bench.world.body("red").extent_m((0, 0, 1))[0]
         assert lowest >= TABLE_Z_M - PRESSING_TOLERANCE_M
 
-    def test_the_arm_stays_at_the_last_look_without_contact(self, bench: Bench) -> None:
+    def test_the_arm_stays_at_the_last_check_without_contact(self, bench: Bench) -> None:
         bench.grasp()
         outcome = bench.line(0.70, 0.15, -0.2)
         (contact,) = bench.diary.hits
@@ -176,7 +176,7 @@ class TestTable:
         assert bench.line(0.70, 0.15, -0.129 - 0.8 * PRESSING_TOLERANCE_M).is_success
         assert bench.diary.hits == []
 
-    def test_a_riding_block_is_looked_at_too(self, bench: Bench) -> None:
+    def test_a_riding_block_is_checked_too(self, bench: Bench) -> None:
         bench.simulation.spawn(make_block("top", at(0.70, 0.15, 0.0), edge_m=(0.2, 0.02, 0.02)))
         shelf = make_block("shelf", at(0.78, 0.15, 0.0), edge_m=(0.02, 0.1, 0.02), is_movable=False)
         bench.grasp()
@@ -202,14 +202,14 @@ class TestMovable:
         bench.simulation.spawn(make_block("brick", at(0.70, 0.0, 0.0), edge_m=(0.03, 0.03, 0.25)))
         return bench
 
-    def test_a_hit_is_told_once_and_the_plan_goes_on(self, blocked: Bench) -> None:
+    def test_a_hit_is_reported_once_and_the_plan_goes_on(self, blocked: Bench) -> None:
         before = blocked.world.body("brick").T_base_body
         outcome = blocked.simulation.execute(blocked.plan)
         assert outcome.is_success
         assert [(hit.other, hit.stops) for hit in blocked.diary.hits] == [("brick", False)]
         assert blocked.world.body("brick").T_base_body == before
 
-    def test_a_hit_is_told_at_its_time(self, blocked: Bench) -> None:
+    def test_a_hit_is_reported_at_its_time(self, blocked: Bench) -> None:
         blocked.simulation.execute(blocked.plan)
         events = blocked.diary.events
         number = next(i for i, e in enumerate(events) if e.kind is EventKind.HIT)
@@ -240,7 +240,7 @@ class TestMovable:
         assert (hit.other, hit.is_held, hit.stops) == ("red", False, False)
         assert "missed" in str(outcome.failure)
 
-    def test_a_contact_that_lasts_is_told_once(self, bench: Bench) -> None:
+    def test_a_contact_that_lasts_is_reported_once(self, bench: Bench) -> None:
         bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
         bench.simulation.execute(bench.plan)
         assert len(bench.diary.hits) == 1
@@ -361,7 +361,7 @@ class TestProofs:
         bench.world.attach("left", "red", pin.SE3.Identity())
         assert not is_as_stated(bench.world, bench.plan.steps[0])
 
-    def test_looking_can_be_switched_off(self, bench: Bench) -> None:
+    def test_checks_can_be_switched_off(self, bench: Bench) -> None:
         bench.grasp()
         simulation = Simulation(bench.world, check_contacts=False)
         bench.simulation = simulation
@@ -411,7 +411,7 @@ class TestSteps:
         ]
         assert watch.at("left", motion.sample(time_s).q)  # and again, as long as it would go on
 
-    def test_a_movable_body_is_told_once_for_as_long_as_it_lasts(self, bench: Bench) -> None:
+    def test_a_movable_body_is_reported_once_for_as_long_as_it_lasts(self, bench: Bench) -> None:
         watch, q = ContactWatch(bench.world), bench.world.arm_q("left")
         bench.world.place_body("red", bench.world.T_base_tip("left") * at(0.0, 0.0, -0.1))
         first, second = watch.at("left", q), watch.at("left", q)

@@ -110,7 +110,7 @@ def test_planning_a_close_moves_nothing(world: World, gripper: Gripper) -> None:
     assert world.holding("left") is None
 
 
-def test_a_close_on_nothing_is_a_miss_and_said_so(gripper: Gripper) -> None:
+def test_a_close_on_nothing_is_a_miss_and_reported(gripper: Gripper) -> None:
     closing = close(gripper)
     assert (closing.body, closing.grasp, closing.finger_m) == (None, None, 0.0)
     assert gripper.state == GripperState(0.0, is_gripping=False, has_missed=True)

@@ -312,7 +312,7 @@ class TestMisses:
         assert closing.finger_m == 0.0
         assert str(closing.miss) == "nothing is between the finger pads"
 
-    def test_the_wanted_body_is_told_of(self, world: World) -> None:
+    def test_the_wanted_body_is_the_subject_of_a_miss(self, world: World) -> None:
         world.spawn(standing("b", -0.1))
         miss = close(world, "b").miss
         assert miss is not None

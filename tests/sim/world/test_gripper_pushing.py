@@ -13,7 +13,7 @@ from planner import Body, Box, Part
 from planner.collision.robot.robot_body import RobotBody
 from sim import SimulationError, World
 from sim.world import Push
-from sim.world.gripper import Mover, Squeeze
+from sim.world.gripper import Slider, Squeeze
 from tests.conftest import at
 
 CONTACT_M = 1e-6
@@ -47,7 +47,7 @@ def squeezed(world: World) -> tuple[Squeeze, set[str]]:
     """The fingers where they stop, and the names of what met what."""
     squeeze = Squeeze(world, "left")
     meeting = squeeze.run()
-    return squeeze, set() if meeting is None else {mover.name for mover in meeting}
+    return squeeze, set() if meeting is None else {slider.name for slider in meeting}
 
 
 @given(st.floats(0.0, 0.02), st.floats(0.0, 0.02), st.floats(0.0, 0.02))
@@ -132,7 +132,7 @@ def test_what_stands_on_a_pushed_body_rides_along(world: World) -> None:
     assert pushes["rider"].distance_m == pushes["b"].distance_m
 
 
-def test_looking_ahead_moves_nothing(world: World) -> None:
+def test_predicting_moves_nothing(world: World) -> None:
     put(world, "b", 0.004)
     before = world.q.tolist(), world.body("b").T_base_body
     squeezed(world)
@@ -141,8 +141,8 @@ def test_looking_ahead_moves_nothing(world: World) -> None:
 
 @given(st.floats(0.0, 0.02))
 def test_fingers_and_what_they_push_go_the_same_way(finger_m: float) -> None:
-    finger = Mover("left finger", [], is_finger=True, sign=-1)
-    body = Mover("b", [], sign=-1, begin_m=0.02)
-    ways = [mover.offset_m(0.02 - finger_m) - mover.offset_m(0.02) for mover in (finger, body)]
+    finger = Slider("left finger", [], is_finger=True, sign=-1)
+    body = Slider("b", [], sign=-1, begin_m=0.02)
+    ways = [slider.offset_m(0.02 - finger_m) - slider.offset_m(0.02) for slider in (finger, body)]
     assert ways == pytest.approx([-finger_m, -finger_m], abs=ROUNDING)
-    assert Mover("still", []).offset_m(finger_m) == 0.0
+    assert Slider("still", []).offset_m(finger_m) == 0.0

@@ -63,7 +63,7 @@ class TestInside:
             world.spawn(make_block("b", at(0.7, 0.1, -0.095), edge_m=EDGE_M))
         assert world.spawn(make_block("b", at(0.7, 0.1, 0.1), edge_m=EDGE_M)) == "trough"
 
-    def test_a_simulation_refuses_it_too_and_tells_nothing(self, world: World) -> None:
+    def test_a_simulation_refuses_it_too_and_reports_nothing(self, world: World) -> None:
         simulation = Simulation(world)
         with pytest.raises(SceneError, match="inside 'table'"):
             simulation.spawn(cube("b", 0.7, 0.1, -0.01))

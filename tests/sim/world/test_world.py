@@ -84,7 +84,7 @@ class TestSettling:
         assert world.settle("a").support == "table"
         assert world.settle("b").support == "a"
 
-    def test_how_far_it_falls_is_told_before_it_does(self, world: World) -> None:
+    def test_how_far_it_falls_is_known_before_it_does(self, world: World) -> None:
         world.spawn(cube("b", 0.7, 0.1, TABLE_Z_M + 0.025))
         world.place_body("b", at(0.7, 0.1, TABLE_Z_M + 0.025 + 0.0075))
         assert world.rest("b").fall_m == pytest.approx(0.0075, abs=REST_M)
@@ -316,7 +316,7 @@ class TestRiders:
             now = tower.T_base_tip("left").actInv(tower.body(name).centre_base)
             assert now == pytest.approx(seen, abs=1e-9)
 
-    def test_riders_are_told_from_below_up(self, tower: World) -> None:
+    def test_riders_are_listed_from_below_up(self, tower: World) -> None:
         assert tower.riders("a") == ("b", "c")
         assert tower.riders("c") == ()
 
@@ -398,7 +398,7 @@ class TestHolding:
             world.attach("left", "table", ORIGIN)
 
     @pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan), 0])
-    def test_a_pose_that_is_none_is_refused(self, world: World, block: Body, pose: Any) -> None:
+    def test_a_pose_that_is_invalid_is_refused(self, world: World, block: Body, pose: Any) -> None:
         world.spawn(block)
         with pytest.raises(PoseError):
             world.attach("left", "block", pose)

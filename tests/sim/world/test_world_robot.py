@@ -67,7 +67,7 @@ class TestRobot:
             world.set_fingers("left", finger_m)
 
     @pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
-    def test_a_configuration_that_is_none_is_refused_and_nothing_moves(
+    def test_a_configuration_that_is_invalid_is_refused_and_nothing_moves(
         self, world: World, q: Any
     ) -> None:
         before = world.q.tolist()

@@ -122,7 +122,7 @@ function createFrame() {
 }
 
 // What is drawn of a position: its value from 0 to 1, how wide and how high, in steps; or nothing.
-function lookOf(place, k, { height, extent }) {
+function styleOf(place, k, { height, extent }) {
   const summary = drawn.summary;
   const isCut = k === height;
   if (!isCut && (extent === "slice" || (extent === "below" && k > height))) return null;
@@ -151,14 +151,14 @@ function drawCells(choice) {
   const height = choice.cell[2];
   for (let place = 0; place < positions(); place++) {
     const indices = indicesOf(place);
-    const look = lookOf(place, indices[2], { height, extent: choice.extent });
-    if (!look) continue;
+    const style = styleOf(place, indices[2], { height, extent: choice.extent });
+    if (!style) continue;
     const [x, y, z] = pointOf(indices);
-    T.makeScale(step * look.width, step * look.width, step * look.height).setPosition(x, y, z);
+    T.makeScale(step * style.width, step * style.width, step * style.height).setPosition(x, y, z);
     drawn.cubes.setMatrixAt(drawn.boxes.length, T);
-    drawn.cubes.setColorAt(drawn.boxes.length, look.colour);
+    drawn.cubes.setColorAt(drawn.boxes.length, style.colour);
     const isCut = indices[2] === height;
-    drawn.boxes.push({ place, centre: [x, y, z], half: [isCut ? 1 : look.width, isCut ? 1 : look.width, look.height].map((size) => (size * step) / 2) });
+    drawn.boxes.push({ place, centre: [x, y, z], half: [isCut ? 1 : style.width, isCut ? 1 : style.width, style.height].map((size) => (size * step) / 2) });
   }
   drawn.cubes.count = drawn.boxes.length;
   drawn.cubes.instanceMatrix.needsUpdate = true;

@@ -2,7 +2,7 @@
 const FIRST_POINT = [0.7, 0.3, 0.1]; // in front of the left shoulder
 const CLICK_PX = 5;
 const MOVE_MS = 500;
-const MOST_FITTED = 1500;
+const MAX_FITTED = 1500;
 const WIDE_PX = 1000;
 const HIGH_PX = 640;
 const EXTENTS = ["slice", "below", "whole"];
@@ -214,7 +214,7 @@ function listenToClicks() {
 
 // What the camera is to have in view: what is drawn of the map, and the robot's head.
 function fitCamera() {
-  const every = Math.ceil(drawn.boxes.length / MOST_FITTED);
+  const every = Math.ceil(drawn.boxes.length / MAX_FITTED);
   const reached = drawn.boxes.filter(({ place }, i) => i % every === 0 && drawn.summary.reached[place]);
   viewer.scene.updateMatrixWorld();
   view.points = [...reached.map(({ centre }) => centre), ...headPoints()];

@@ -1,5 +1,5 @@
 // Forward kinematics, and the way from a rounded witness back to one at its pose; the same as in
-// sim/view/atlas/polishing.py. Transforms are 3 x 4, row by row.
+// sim/view/atlas/witnesses.py. Transforms are 3 x 4, row by row.
 const times = (A, B) => {
   const C = new Array(12);
   for (let i = 0; i < 12; i += 4) {
@@ -116,7 +116,7 @@ function unrounded(arm, index) {
   });
 }
 
-// A configuration for a reachable cell with what forward kinematics says of it; only one that is
+// A configuration for a reachable cell with its errors by forward kinematics; only one that is
 // within the tolerances and the limits may be shown.
 function witnessOf(side, rotation, place) {
   const arm = atlas.arms[side];

@@ -1,4 +1,4 @@
-// What the page says of the chosen cell.
+// The texts about the chosen cell.
 const OF = { left: "the left arm", right: "the right arm", either: "both arms", both: "one arm at least" };
 const number = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");
 const degrees = (angle) => `${number((angle * 180) / Math.PI, 0)}°`;
@@ -9,8 +9,8 @@ const nameOf = (rotation) => `tool ${atlas.map.directions[Math.floor(rotation / 
 function verdict(arm, rotation, counts) {
   if (rotation === null) {
     const parts = [[counts.unreachable, "proven out of reach"], [counts.undecided, "undecided"], [counts.total - counts.unreachable - counts.undecided, "not computed"]];
-    const told = parts.filter(([count]) => count).map(([count, words]) => (count === counts.total ? `all ${count} ${words}` : `${count} ${words}`));
-    return `No rotation is reached: ${told.join(", ")}`;
+    const described = parts.filter(([count]) => count).map(([count, words]) => (count === counts.total ? `all ${count} ${words}` : `${count} ${words}`));
+    return `No rotation is reached: ${described.join(", ")}`;
   }
   const level = levelAt(arm, rotation, placeOf(choice.cell));
   if (level === UNREACHABLE) return `Proven out of reach of ${OF[arm]}`;

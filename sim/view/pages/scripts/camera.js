@@ -15,8 +15,8 @@ const HEAD_RADIUS_M = 0.16;
 const WRIST_TO_TIP_M = 0.2;
 const LINK_RADIUS_M = 0.1;
 const ZOOM_PER_PIXEL = 0.0012;
-const NEAREST_EYE_M = 0.15;
-const FARTHEST_EYE_M = 12;
+const MIN_EYE_M = 0.15;
+const MAX_EYE_M = 12;
 const TURN_RAD = 0.12;
 
 // From the target towards the eye; of a robot whose right arm alone moves, mirrored.
@@ -35,8 +35,8 @@ const view = { name: "fitted", isTurned: false, isMirrored: false, points: [], s
 
 function createCamera() {
   viewer.camera.fov = FIELD_OF_VIEW_DEG;
-  viewer.controls.minDistance = NEAREST_EYE_M;
-  viewer.controls.maxDistance = FARTHEST_EYE_M;
+  viewer.controls.minDistance = MIN_EYE_M;
+  viewer.controls.maxDistance = MAX_EYE_M;
   viewer.controls.addEventListener("start", takeOver);
   element("view").addEventListener("wheel", zoomToCursor, { capture: true, passive: false });
   window.addEventListener("resize", () => requestAnimationFrame(refit));
@@ -87,7 +87,7 @@ function fit(points, back, area) {
   const [x, y] = [extent(0, slopeX), extent(1, slopeY)];
   const depths = seen.map((p) => p[2]);
   const depth = (Math.max(...depths) + Math.min(...depths)) / 2;
-  const nearest = Math.max((x[0] - x[1]) / (2 * slopeX), (y[0] - y[1]) / (2 * slopeY), depth + NEAREST_EYE_M);
+  const nearest = Math.max((x[0] - x[1]) / (2 * slopeX), (y[0] - y[1]) / (2 * slopeY), depth + MIN_EYE_M);
   const at = (z) => right.clone().multiplyScalar((x[0] + x[1]) / 2).addScaledVector(up, (y[0] + y[1]) / 2).addScaledVector(back, z);
   const pixels = seen.map((p) => [
     area.left + area.width / 2 + (p[0] - (x[0] + x[1]) / 2) / (nearest - p[2]) / (2 * slope),
@@ -117,7 +117,7 @@ function freeAreas() {
   return SHARES.flatMap((beside) => SHARES.map((below) => area(beside * cardRight, Math.max(below * cardBottom, toolsBottom))));
 }
 
-// The card as large as it mostly gets, so that the view does not depend on what it says just now.
+// The card as large as it mostly gets, so that the view does not depend on its present text.
 function cardAtMost({ left, top, right, bottom }) {
   const overlay = element("overlay").getBoundingClientRect();
   const widest = Math.min(left + CARD_WIDTH * rem(), element("tools").getBoundingClientRect().left, overlay.right);
@@ -223,7 +223,7 @@ function zoom(factor, centre = viewer.controls.target.clone()) {
   takeOver();
   const { position } = viewer.camera;
   const distance = position.distanceTo(viewer.controls.target);
-  const allowed = Math.min(Math.max(factor * distance, NEAREST_EYE_M), FARTHEST_EYE_M) / distance;
+  const allowed = Math.min(Math.max(factor * distance, MIN_EYE_M), MAX_EYE_M) / distance;
   for (const point of [position, viewer.controls.target]) point.sub(centre).multiplyScalar(allowed).add(centre);
   viewer.set_dirty();
 }

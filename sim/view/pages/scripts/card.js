@@ -1,9 +1,9 @@
-// The card that says what is going on.
-const LONG_CAPTION = 60; // characters; a reason for a failure is written smaller
+// The card that describes what is going on.
+const MIN_LONG_CAPTION = 60; // characters; a reason for a failure is written smaller
 
 function showCaption(text) {
   write(element("caption"), text);
-  element("caption").classList.toggle("long", text.length > LONG_CAPTION);
+  element("caption").classList.toggle("long", text.length > MIN_LONG_CAPTION);
 }
 
 function showSeed(seed) {

@@ -35,7 +35,7 @@ function pressKey(event) {
 
 function chooseSpeed() {
   const speed = Number(element("speed").value);
-  if (document.body.dataset.mode === "live") tellProgram("speed", speed);
+  if (document.body.dataset.mode === "live") sendOrder("speed", speed);
   else replay.speed = speed;
 }
 

@@ -4,9 +4,9 @@ const SHOW = {
   caption: showCaption,
   seed: showSeed,
   grippers: showGrippers,
-  arms: (arms) => { hearArms(arms); listArms(); },
-  state: noteState,
-  clearance: hearClearance,
+  arms: (arms) => { setArms(arms); listArms(); },
+  state: onState,
+  clearance: addClearance,
   unmeasured: (reason) => { telemetry.unmeasured = reason; telemetry.version += 1; pointPanel(panelTime()); },
   waypoints: (waypoints) => { telemetry.waypoints = waypoints; listWaypoints(); },
   layers: showLayers,
@@ -15,26 +15,26 @@ const SHOW = {
 };
 const RETRY_MS = 1500;
 const RETRY_GROWTH = 1.5; // each attempt is a line in the browser's console, which no page can prevent
-const LONGEST_RETRY_MS = 10000; // below the 15 s that the demo waits for a page
+const MAX_RETRY_MS = 10000; // below the 15 s that the demo waits for a page
 const FIT_AFTER_MS = 150;
-const LOOK_EVERY_MS = 500;
+const CHECK_PERIOD_MS = 500;
 const BODY_DEPTH_M = 0.1;
 const HAND_MARGIN_M = 0.08;
-const SAID_GOODBYE = 1001;
+const GOING_AWAY = 1001;
 const url = `${location.protocol.replace("http", "ws")}//${location.host}/scene`;
 const program = { isPaused: false, isRunning: false };
 
-// A program started again on this port finds the page still open. A page that nobody sees does not
-// ask; one that comes into sight asks at once.
+// A program started again on this port finds the page still open. A hidden page does not retry; it
+// does so at once when it becomes visible.
 let waitMs = RETRY_MS;
 function retry() {
   if (document.hidden) return document.addEventListener("visibilitychange", retry, { once: true });
   const probe = new WebSocket(url);
   probe.onopen = () => location.reload();
-  probe.onerror = () => setTimeout(retry, waitMs = Math.min(waitMs * RETRY_GROWTH, LONGEST_RETRY_MS));
+  probe.onerror = () => setTimeout(retry, waitMs = Math.min(waitMs * RETRY_GROWTH, MAX_RETRY_MS));
 }
 
-function tellProgram(topic, value) {
+function sendOrder(topic, value) {
   if (viewer.connection.readyState === WebSocket.OPEN) viewer.connection.send(JSON.stringify([topic, value]));
 }
 
@@ -42,10 +42,10 @@ function tellProgram(topic, value) {
 function pauseProgram() {
   if (!program.isRunning) return;
   program.isPaused = !program.isPaused;
-  tellProgram("pause", program.isPaused);
+  sendOrder("pause", program.isPaused);
 }
 
-// What keeps its own time, as a real robot does, has no clock and cannot be paused.
+// A program that keeps its own time, as with a real robot, has no clock and cannot be paused.
 function showClock(clock) {
   if (document.body.dataset.mode === "replay") return;
   document.body.classList.toggle("ready", clock !== null);
@@ -63,10 +63,10 @@ function showTempo({ paused, speed, running }) {
   element("speed").value = String(speed);
 }
 
-// States are kept as they come; what they change is drawn once a frame, however many have come.
+// All states are stored as they arrive; the latest is drawn once a frame.
 let latest = null;
-function noteState(state) {
-  hearState(state);
+function onState(state) {
+  addState(state);
   if (!latest) requestAnimationFrame(() => { showState(latest); latest = null; });
   latest = state;
 }
@@ -95,17 +95,17 @@ function fitSoon(command) {
   }, FIT_AFTER_MS);
 }
 
-// Of a table the top counts, not the leg.
+// The top of a table counts, not its leg.
 function upperPart(corners) {
   const top = Math.max(...corners.map((corner) => corner[2]));
   return corners.map(([x, y, z]) => [x, y, Math.max(z, top - BODY_DEPTH_M)]);
 }
 
 // A hand that leaves the view makes it wider, unless the user has turned it.
-let looked = 0;
+let checked = 0;
 function keepInView() {
-  if (view.isTurned || view.name !== "fitted" || performance.now() < looked + LOOK_EVERY_MS) return;
-  looked = performance.now();
+  if (view.isTurned || view.name !== "fitted" || performance.now() < checked + CHECK_PERIOD_MS) return;
+  checked = performance.now();
   const hand = handPoint();
   const seen = toThree(hand).project(viewer.camera);
   if (Math.max(Math.abs(seen.x), Math.abs(seen.y)) < 0.95) return;
@@ -113,10 +113,10 @@ function keepInView() {
   refit({ flies: true });
 }
 
-// The program has sent what it showed; from here on the page needs it no more.
+// The program has sent what it showed; from here on, the page does not need it.
 let unpacking = Promise.resolve();
 function becomeReplay(base64) {
-  unpacking = decode(base64).then(unpack).then(playAgain).catch((error) => showStatus(`The replay cannot be shown: ${error.message}`));
+  unpacking = decode(base64).then(playAgain).catch((error) => showStatus(`The replay cannot be shown: ${error.message}`));
 }
 
 function playAgain(content) {
@@ -130,10 +130,10 @@ function playAgain(content) {
 async function endShow({ code }) {
   await unpacking;
   const isReplay = document.body.dataset.mode === "replay";
-  const ended = code === SAID_GOODBYE || isReplay;
+  const ended = code === GOING_AWAY || isReplay;
   showStatus(ended
     ? `The program has ended${isReplay ? "; Again plays what it showed" : ""}. This page wakes up when it runs again.`
-    : "The program has ended without a word, or cannot be reached. This is what it showed last; this page wakes up when it runs again.");
+    : "The program has ended unexpectedly, or cannot be reached. This is what it showed last; this page wakes up when it runs again.");
   element("play").disabled = element("speed").disabled = !isReplay;
   if (!isReplay) write(element("clock"), "ended");
   setTimeout(retry, RETRY_MS);

@@ -1,10 +1,10 @@
 // Plays a recording: that of a replay's file, or what a live page has shown when its program ends.
 // Time is kept here, not by Meshcat's animator, whose slider does nothing before it has played once
-// and which forgets its place at the end.
+// and which loses its position at the end.
 const PAUSE_BEFORE_LOOP_S = 1.5;
 const STEP_S = 0.1;
-const LONGEST_FRAME_S = 0.5; // a tab that slept goes on where it was
-const INDICES_PER_STRETCH = 24;
+const MAX_FRAME_S = 0.5; // a tab that slept goes on where it was
+const INDICES_PER_SEGMENT = 24;
 const FIT_SAMPLES = 16;
 
 const replay = { ready: false, time: 0, duration: 0, playing: false, speed: 1 };
@@ -18,12 +18,12 @@ function line({ path, times }) {
 }
 
 function showLine({ times, behind, ahead }) {
-  const passed = INDICES_PER_STRETCH * Math.max(0, countUntil(times, replay.time) - 1);
+  const passed = INDICES_PER_SEGMENT * Math.max(0, countUntil(times, replay.time) - 1);
   behind.setDrawRange(0, passed);
   ahead.setDrawRange(passed, Infinity);
 }
 
-// The last of [time, ...values] that has come.
+// The last of [time, ...values] that has passed.
 const current = (entries, time) => entries[Math.max(0, countUntil(entries.map((e) => e[0]), time) - 1)];
 
 replay.seek = (time) => {
@@ -42,14 +42,14 @@ replay.pause = () => {
   replay.playing = false;
   showTime();
   pointPanel(replay.time, { isNow: true });
-  sayTime();
+  announceTime();
 };
 replay.toggle = () => (replay.playing ? replay.pause() : replay.play());
 replay.jump = (time) => {
   replay.playing = false;
   replay.seek(time);
   pointPanel(replay.time, { isNow: true });
-  sayTime();
+  announceTime();
 };
 
 const captionNow = () => (recording.captions.length ? current(recording.captions, replay.time)[1] : "");
@@ -76,8 +76,8 @@ function movingSide() {
   return latest || view.side;
 }
 
-// Told where a pause or a jump ends, not while it plays.
-function sayTime() {
+// After a pause or a jump, not while it plays.
+function announceTime() {
   const text = `${replay.time.toFixed(1)} of ${replay.duration.toFixed(1)} seconds, ${captionNow()}`;
   element("scrub").setAttribute("aria-valuetext", text);
   announce(text);
@@ -109,7 +109,7 @@ function labelMarks() {
   marks.classList.toggle("dense", boxes.some(({ left }, i) => i > 0 && left < boxes[i - 1].right));
 }
 
-// The time line says which stage is under the cursor.
+// The time line's tooltip names the stage under the cursor.
 function nameStage({ offsetX }) {
   const thumb = parseFloat(getComputedStyle(element("marks")).left);
   const share = (offsetX - thumb) / (element("scrub").clientWidth - 2 * thumb);
@@ -129,7 +129,7 @@ function advance(elapsed) {
 
 let last;
 function tick(now) {
-  const elapsed = Math.min((now - last) / 1000, LONGEST_FRAME_S);
+  const elapsed = Math.min((now - last) / 1000, MAX_FRAME_S);
   last = now;
   if (replay.playing) advance(elapsed);
   requestAnimationFrame(tick);
@@ -164,7 +164,7 @@ function startReplay(content, { time = 0 } = {}) {
   lines = recording.paths.map(line);
   replay.duration = recording.duration;
   element("scrub").max = replay.duration;
-  takeRecorded(recording);
+  loadRecorded(recording);
   for (const side of ["left", "right"]) if (!recording.grippers[side]) write(element(`${side}-gripper`), "");
   showLayers(recording.layers);
   listArms();

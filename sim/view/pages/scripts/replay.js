@@ -1,5 +1,5 @@
 startWith(async () => {
   startPage();
-  startReplay(unpack(await decode(element("data").textContent)));
+  startReplay(await decode(element("data").textContent));
   if (!prefersStill.matches) replay.play();
 });

@@ -1,6 +1,6 @@
 "use strict";
-// What everything on the page shares: the elements, Meshcat's viewer with its own panel hidden, day
-// and night, and what is said when nothing can be drawn.
+// What all scripts of the page share: the elements, Meshcat's viewer with its own panel hidden, day
+// and night, and the message when nothing can be drawn.
 const element = (id) => document.getElementById(id);
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 const prefersStill = matchMedia("(prefers-reduced-motion: reduce)");
@@ -8,7 +8,7 @@ const prefersStill = matchMedia("(prefers-reduced-motion: reduce)");
 const BACKGROUND = { light: [[0.95, 0.96, 0.98], [0.78, 0.82, 0.86]], dark: [[0.15, 0.17, 0.20], [0.07, 0.08, 0.10]] };
 const FLOOR = { light: 0xffffff, dark: 0x565d66 }; // multiplies the floor's own grey
 
-// By path, what is done again once a command has changed what is drawn there.
+// By path, what to do again after a command has changed what is drawn there.
 const painters = { "/floor": paintStage, "/Background": paintStage };
 
 let viewer;
@@ -18,7 +18,7 @@ function createViewer() {
   made.gui.domElement.style.display = "none";
   made.renderer.domElement.setAttribute("role", "img");
   made.renderer.domElement.setAttribute("aria-label", "The robot and what is around it, drawn in 3D");
-  surviveLoss(made);
+  handleContextLoss(made);
   const handle = made.handle_command.bind(made);
   made.handle_command = (command) => {
     handle(command);
@@ -28,8 +28,8 @@ function createViewer() {
   return made;
 }
 
-// A browser may take the graphics card away, as after sleep, and mostly gives it back.
-function surviveLoss(made) {
+// A browser may lose the graphics card, as after sleep, and mostly gets it back.
+function handleContextLoss(made) {
   const canvas = made.renderer.domElement;
   let before = "";
   canvas.addEventListener("webglcontextlost", () => {
@@ -42,7 +42,7 @@ function surviveLoss(made) {
   });
 }
 
-// The node of a path below those that exist; none is made.
+// The node of a path, if it exists.
 function nodeAt(path) {
   const names = path.split("/").filter(Boolean);
   return names.reduce((node, name) => node && node.children[name], viewer.scene_tree);
@@ -76,7 +76,7 @@ async function decode(base64) {
   const reader = Object.create(MeshCat.Viewer.prototype);
   reader.handle_command = (value) => { decoded = value; };
   reader.handle_command_bytearray(bytes);
-  return decoded;
+  return unpack(decoded);
 }
 
 // Geometries drawn more than once are stored once, by name.
@@ -89,7 +89,7 @@ function draw(commands, geometries) {
   }
 }
 
-// Start once "Loading" can be read, and say so when the browser cannot draw.
+// Start once "Loading" is visible, and show a message when the browser cannot draw.
 function startWith(start) {
   const attempt = async () => {
     if (!canDraw()) return showProblem("This page draws in 3D with WebGL, which is switched off or missing in this browser. Try another browser, or turn on its hardware acceleration.");
@@ -118,7 +118,7 @@ function make(tag, properties = {}, ...children) {
   return node;
 }
 
-// How many of the ascending times have come.
+// The number of ascending times that have passed.
 function countUntil(times, time) {
   let [low, high] = [0, times.length];
   while (low < high) {
@@ -129,7 +129,7 @@ function countUntil(times, time) {
   return low;
 }
 
-// A screen reader is told where a pause or a jump led to, and nothing while it plays.
+// Screen readers announce the time after a pause or a jump, and nothing while it plays.
 const ANNOUNCE_AFTER_MS = 400;
 let announcing;
 function announce(text) {

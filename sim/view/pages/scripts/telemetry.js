@@ -1,7 +1,7 @@
-// What is measured over time: joints against their limits, the clearance, the waypoints. A replay
-// brings it whole; a live page gathers the last seconds. Values of n times lie flat, n * joints.
+// Data over time: joints against their limits, the clearance, the waypoints. A replay has all of it; a
+// live page collects the last seconds. Values of n times are flat, n * joints.
 const LIVE_WINDOW_S = 20;
-const MOST_SAMPLES = 4000;
+const MAX_SAMPLES = 4000;
 const SAME_PAIR_WITHIN_S = 0.5;
 
 const telemetry = { arms: {}, clearance: null, unmeasured: "", waypoints: [], from: 0, to: 1, version: 0 };
@@ -19,7 +19,7 @@ function plotWindow(time) {
   return { from: end - PLOT_WINDOW_S, to: end };
 }
 
-function takeRecorded(content) {
+function loadRecorded(content) {
   Object.assign(telemetry, {
     arms: content.arms || {},
     clearance: content.clearance || null,
@@ -32,13 +32,13 @@ function takeRecorded(content) {
 }
 
 // Live: the arms there are, each with the limits of its joints; samples follow.
-function hearArms(arms) {
+function setArms(arms) {
   telemetry.arms = {};
   for (const [side, arm] of Object.entries(arms)) telemetry.arms[side] = { ...arm, times: [], q: [], v: [], a: [] };
 }
 
-function hearState({ time, arms }) {
-  if (time < telemetry.to - 1e-6) forget();
+function addState({ time, arms }) {
+  if (time < telemetry.to - 1e-6) clearSamples();
   for (const [side, { q, v, a }] of Object.entries(arms)) {
     const arm = telemetry.arms[side];
     if (!arm || arm.times[arm.times.length - 1] === time) continue;
@@ -53,7 +53,7 @@ function hearState({ time, arms }) {
   telemetry.version += 1;
 }
 
-function hearClearance(value) {
+function addClearance(value) {
   if (!value) {
     telemetry.clearance = null;
     return;
@@ -68,16 +68,16 @@ function hearClearance(value) {
   shorten(known, { times: 1, distance_m: 1, pairs: 2, points: 6 }, value.time);
 }
 
-// Time that begins again is another run.
-function forget() {
-  hearArms(telemetry.arms);
+// Time that begins again belongs to another run.
+function clearSamples() {
+  setArms(telemetry.arms);
   telemetry.clearance = null;
 }
 
 // Drop what has left the window, now and then rather than with each sample.
 function shorten(arrays, widths, time) {
   const gone = countUntil(arrays.times, time - LIVE_WINDOW_S) - 1;
-  const dropped = Math.max(arrays.times.length - MOST_SAMPLES, gone > 300 ? gone : 0);
+  const dropped = Math.max(arrays.times.length - MAX_SAMPLES, gone > 300 ? gone : 0);
   if (dropped > 0) for (const [key, width] of Object.entries(widths)) arrays[key].splice(0, dropped * width);
 }
 
@@ -103,7 +103,7 @@ const SHARE = {
   a: (arm, j, value) => value / arm.a_max[j],
 };
 
-// The nearest two at a time: { distance, first, second, points }, or null where it is not known.
+// The nearest pair at a time: { distance, first, second, points }, or null where it is not known.
 function clearanceAt(time) {
   const known = telemetry.clearance;
   if (!known || !known.times.length) return null;
@@ -124,7 +124,7 @@ function clearanceAt(time) {
 // The waypoint that is being moved to.
 const waypointAt = (time) => telemetry.waypoints.findIndex(({ start, end }) => start < time && (end === null || time <= end + 1e-6));
 
-// A residual, as far as it counts: 3e−12 m, on one line.
+// A residual with one digit, such as 3e−12 m, on one line.
 const residual = (value, unit) => `${value === 0 ? 0 : value.toExponential(0).replace("-", "−")}\u00a0${unit}`;
 
 const signed = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");

@@ -1,5 +1,4 @@
-// Arrays that come as differences (sim/view/delta_coding.py), added up again: what a
-// recording needs, once it is decoded, before anything is drawn.
+// Restores arrays that are stored as differences (sim/view/encoding.py).
 const ARRAYS = { Int8Array, Uint8Array, Int16Array, Uint16Array, Int32Array, Uint32Array, Float32Array };
 
 function unpack(value) {

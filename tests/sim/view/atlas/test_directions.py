@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from planner.atlas import RotationGrid
-from sim.view.atlas.directions import direction_names
+from sim.view.atlas.page import direction_names
 
 
 def pointing(*direction: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from sim import Simulation, Viewer, World
-from sim.view.live.clients import Clients
-from sim.view.live.controls import LONGEST_MESSAGE, Controls
 from sim.view.live.pacing import Pacing
+from sim.view.live.server import MAX_ORDER, obey
 from tests.sim.view.live.websocket import Page, page_of
 
 AS_IT_BEGINS = {"paused": False, "speed": 1.0, "running": True}
@@ -48,7 +47,7 @@ NOT_UNDERSTOOD: tuple[str | bytes, ...] = (
     '["speed", Infinity]',
     '["speed", [1]]',
     '["speed", 1' + "0" * 5000 + "]",
-    '["speed", 2' + " " * LONGEST_MESSAGE + "]",
+    '["speed", 2' + " " * MAX_ORDER + "]",
     "[" * 10_000,
     "[" * 10_000 + "]" * 10_000,
     '["pausé", true]',
@@ -116,7 +115,6 @@ def test_a_pause_ends_when_no_page_is_open(viewer: Viewer, robot: Baxter) -> Non
         page.ask("pause", True)
         other.wait_until(lambda page: page.told["clock"]["paused"])
         page.leave()
-        assert viewer._pacing is not None
         assert viewer._pacing.is_paused
     simulation.wait(0.1)
     assert not viewer._pacing.is_paused
@@ -151,7 +149,7 @@ def test_all_else_is_ignored(
 @settings(deadline=None)
 def test_no_message_breaks_anything(message: str | bytes) -> None:
     pacing = Pacing()
-    Controls(pacing, Clients()).hear(message)
+    obey(message, pacing)
     assert isinstance(pacing.is_paused, bool)
     assert 0.1 <= pacing.speed <= 4.0
 

@@ -27,7 +27,7 @@ from planner import (
 from sim import Event, EventKind, Recording, Simulation, Snapshot, Viewer, World, retell
 from sim.errors import RecordingError, ViewerError
 from sim.view.live.pacing import Pacing
-from sim.view.live.shown_run import FRAME_S, ShownRun
+from sim.view.live.shown_run import MIN_FRAME_S, ShownRun
 from sim.world import GripperState
 from tests.baxter_kin.description.test_hands import BALL
 from tests.conftest import at
@@ -121,7 +121,7 @@ def test_tells_what_the_gripper_holds(
 def test_a_tool_has_no_gripper_status() -> None:
     robot = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
     run = ShownRun(robot, State(Scene({}), {}))
-    run.see(snapshot(robot, 0))
+    run.on_snapshot(snapshot(robot, 0))
     assert set(run.phases) == {"right"}
 
 
@@ -140,8 +140,8 @@ def test_shows_the_seed_of_a_move_until_it_ends(viewer: Viewer, page: Page, robo
 def test_no_more_frames_than_a_screen_shows(robot: Baxter) -> None:
     for speed in (1.0, 4.0):
         run = ShownRun(robot, State(Scene({}), {}))
-        times = [tick * TICK_S for tick in range(200) if run.takes_frame(tick * TICK_S, speed)]
-        assert min(b - a for a, b in pairwise(times)) >= speed * FRAME_S
+        times = [tick * TICK_S for tick in range(200) if run.is_frame_due(tick * TICK_S, speed)]
+        assert min(b - a for a, b in pairwise(times)) >= speed * MIN_FRAME_S
 
 
 def test_two_simulations_one_after_the_other(viewer: Viewer, page: Page, robot: Baxter) -> None:

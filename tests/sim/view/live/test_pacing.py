@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from sim.view.live import pacing as module
-from sim.view.live.pacing import LATEST_S, PAUSE_S, SPEEDS, Pacing
+from sim.view.live.pacing import MAX_LATENESS_S, MIN_PAUSE_S, SPEEDS, Pacing
 
 TICK_S = 0.01
 
@@ -86,13 +86,13 @@ def test_what_is_late_is_caught_up_with(pacing: Pacing, clock: Clock) -> None:
     begin = clock.now_s
     for tick in range(101):
         pacing.wait_for(tick * TICK_S)
-        clock.now_s += 0.5 * LATEST_S if tick == 10 else 0.0
+        clock.now_s += 0.5 * MAX_LATENESS_S if tick == 10 else 0.0
     assert clock.now_s - begin == pytest.approx(1.0)
 
 
 def test_after_planning_nothing_rushes(pacing: Pacing, clock: Clock) -> None:
     pacing.wait_for(0.0)
-    clock.now_s += 3 * PAUSE_S
+    clock.now_s += 3 * MIN_PAUSE_S
     pacing.stand_still()
     pacing.wait_for(TICK_S)
     before = clock.now_s
@@ -102,7 +102,7 @@ def test_after_planning_nothing_rushes(pacing: Pacing, clock: Clock) -> None:
 
 def test_after_a_long_time_nothing_rushes(pacing: Pacing, clock: Clock) -> None:
     pacing.wait_for(0.0)
-    clock.now_s += 2 * LATEST_S
+    clock.now_s += 2 * MAX_LATENESS_S
     pacing.wait_for(TICK_S)
     before = clock.now_s
     pacing.wait_for(2 * TICK_S)

@@ -17,13 +17,14 @@ from playwright.sync_api import Browser
 from baxter_kin import Arm, Baxter
 from planner import Body
 from sim.recording.recording import Recording
-from sim.view.drawn_bodies import body_commands
-from sim.view.live.broadcast import Broadcast
+from sim.view.encoding import Command, encoded
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
-from sim.view.meshcat_commands import Command, delete
+from sim.view.live.server import LiveServer
+from sim.view.meshcat_commands import delete
 from sim.view.overlays import nearest_command
-from sim.view.replay_content import encoded_content
+from sim.view.replay import replay_content
+from sim.view.scenegraph import body_commands
 from tests.sim.conftest import DEADLINE_S, SIZE, Watched, watched_page
 from tests.sim.view.page.test_accessibility import violations
 
@@ -43,7 +44,6 @@ WAYPOINTS = [
         "seed": "Current Joint Angles",
         "position_error_m": 3e-12,
         "orientation_error_rad": 2e-12,
-        "goal": [0.0] * 7,
     },
     {
         "start": 5.0,
@@ -53,7 +53,6 @@ WAYPOINTS = [
         "seed": "",
         "position_error_m": None,
         "orientation_error_rad": None,
-        "goal": [0.0] * 7,
     },
 ]
 
@@ -67,8 +66,8 @@ class Program:
 
     def __init__(self, robot: Baxter, arm: Arm, port: int | None = None) -> None:
         self.pacing = Pacing()
-        self._pages = Broadcast(port, self.pacing)
-        self.url = self._pages.url
+        self._server = LiveServer(port, self.pacing)
+        self.url = self._server.url
         joints = {
             "joints": list(arm.joint_names),
             "q_min": arm.limits.q_min.tolist(),
@@ -78,13 +77,13 @@ class Program:
         }
         commands = [*DrawnScene(robot).commands(), nearest_command()]
         layer = {"id": "nearest", "label": "Nearest pair", "paths": ["/nearest"], "shown": True}
-        self._pages.publish(commands, arms={"left": joints}, layers=[layer], waypoints=WAYPOINTS)
+        self._server.publish(commands, arms={"left": joints}, layers=[layer], waypoints=WAYPOINTS)
 
     def draw(self, commands: list[Command]) -> None:
-        self._pages.publish(commands)
+        self._server.publish(commands)
 
     def tell(self, **news: object) -> None:
-        self._pages.publish([], **news)
+        self._server.publish([], **news)
 
     def be_at(self, time_s: float) -> None:
         q = (0.3 * np.sin(time_s + np.arange(7.0))).tolist()
@@ -94,7 +93,7 @@ class Program:
         self.tell(state=state, clearance=pair | {"time": time_s})
 
     def close(self) -> None:
-        self._pages.close()
+        self._server.close()
 
 
 @pytest.fixture(scope="module")
@@ -287,7 +286,7 @@ def test_axe_finds_nothing(program: Program, watched: Watched, size: tuple[int, 
 
 
 def test_what_keeps_its_own_time_cannot_be_paused(browser: Browser, robot: Baxter) -> None:
-    pages = Broadcast(None, None)
+    pages = LiveServer(None, Pacing(keeps_time=False))
     with watched_page(browser) as watched:
         watched.page.goto(pages.url)
         pages.publish(DrawnScene(robot).commands(), caption="as it comes")
@@ -305,7 +304,7 @@ def test_the_page_becomes_a_replay_and_wakes_up_when_the_program_runs_again(
         shows(watched, "play", "Pause")
         watched.page.select_option("#speed", "0.5")
         wait_for_speed(program, watched, 0.5)
-        program.tell(replay=encoded_content(executed, robot))
+        program.tell(replay=encoded(replay_content(executed, robot)))
         watched.page.wait_for_function("replay.ready")
         assert watched.page.input_value("#speed") == "0.5"
         assert watched.run("replay.speed") == 0.5
@@ -340,6 +339,6 @@ def test_when_the_program_is_killed_the_page_says_so_and_keeps_the_scene(browser
         watched.page.wait_for_function("drawnAt(viewer.scene_tree.children.floor)")
         watched.page.wait_for_function("nodeAt('/robot/left_s0/moves/left_s1')")
         process.kill()
-        shows(watched, "status", "without a word")
+        shows(watched, "status", "ended unexpectedly")
         assert watched.page.is_disabled("#play")
         assert watched.run("Boolean(nodeAt('/robot/left_s0/moves/left_s1'))")

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -10,19 +12,20 @@ from planner.collision.robot.robot_body import RobotBody
 from sim.events import EventKind
 from sim.recording.planned_recording import planned_recording
 from sim.recording.recording import Recording
-from sim.view.telemetry.clearance import (
-    MOST_SAMPLES,
+from sim.view.clearance import (
+    MAX_SAMPLES,
     NO_MOTION,
     SAMPLES_PER_S,
-    clearance_samples,
     recorded_clearance,
     sampled_rows,
-    why_unmeasured,
 )
 from tests.conftest import at
 
 PROVEN_M = 1e-6
 """What the proof of a plan and a measurement of it may differ by."""
+
+SINGLE = 1e-6
+"""Rounding of times in 32 bits, s."""
 
 BETWEEN_SAMPLES_M = 5e-3
 """How much nearer two get between two samples where the hand comes to rest."""
@@ -31,6 +34,31 @@ BETWEEN_SAMPLES_M = 5e-3
 @pytest.fixture(scope="module")
 def shown(plan: Plan, robot: Baxter) -> Recording:
     return planned_recording(plan, robot)
+
+
+class Sample(NamedTuple):
+    """The nearest pair at a time of a recording, s from its start."""
+
+    time_s: float
+    distance_m: float
+    first: str
+    second: str
+
+
+def samples_of(recording: Recording, robot: Baxter) -> list[Sample]:
+    """What the page reads, row by row."""
+    content, reason = recorded_clearance(recording, robot)
+    assert content is not None
+    assert reason == ""
+    names = [content["names"][index] for index in content["pairs"]]
+    rows = zip(
+        content["times"].tolist(),
+        content["distance_m"].tolist(),
+        names[::2],
+        names[1::2],
+        strict=True,
+    )
+    return [Sample(*row) for row in rows]
 
 
 def cut(recording: Recording, begin: int, end: int) -> Recording:
@@ -52,14 +80,14 @@ def test_nothing_is_nearer_than_the_plan_proves(
 ) -> None:
     proven_m = plan.proven_clearance_m
     assert proven_m is not None
-    for sample in clearance_samples(shown, robot):
-        assert sample.nearest.distance_m >= proven_m - PROVEN_M
+    for sample in samples_of(shown, robot):
+        assert sample.distance_m >= proven_m - PROVEN_M
 
 
 def test_the_least_is_what_the_plan_says_and_of_the_same_two(
     shown: Recording, plan: Plan, robot: Baxter
 ) -> None:
-    least = min((s.nearest for s in clearance_samples(shown, robot)), key=lambda n: n.distance_m)
+    least = min(samples_of(shown, robot), key=lambda sample: sample.distance_m)
     wanted = plan.clearance
     assert wanted is not None
     assert least.distance_m == pytest.approx(wanted.distance_m, abs=BETWEEN_SAMPLES_M)
@@ -67,7 +95,7 @@ def test_the_least_is_what_the_plan_says_and_of_the_same_two(
 
 
 def test_a_held_block_counts_against_the_table(shown: Recording, robot: Baxter) -> None:
-    pairs = {(s.nearest.first, s.nearest.second) for s in clearance_samples(shown, robot)}
+    pairs = {(s.first, s.second) for s in samples_of(shown, robot)}
     assert ("block", "table") in pairs
 
 
@@ -80,19 +108,17 @@ def test_what_is_carried_off_the_plan_counts(shown: Recording, robot: Baxter, ta
         bodies={**shown.bodies, "wall": wall},
         body_poses={**shown.body_poses, "wall": track},
     )
-    assert min(s.nearest.distance_m for s in clearance_samples(walled, robot)) <= 0.0
+    assert min(s.distance_m for s in samples_of(walled, robot)) <= 0.0
 
 
-def test_the_page_gets_flat_arrays_and_names(shown: Recording, robot: Baxter) -> None:
-    told, samples = recorded_clearance(shown, robot), clearance_samples(shown, robot)
-    assert told is not None
-    n = len(told["times"])
-    assert (len(told["distance_m"]), len(told["pairs"]), len(told["points"])) == (n, 2 * n, 6 * n)
-    names = [told["names"][index] for index in told["pairs"]]
-    assert names[::2] == [sample.nearest.first for sample in samples]
-    assert names[1::2] == [sample.nearest.second for sample in samples]
-    assert told["times"][0] == 0.0
-    assert told["times"][-1] == pytest.approx(shown.duration_s)
+def test_arrays_have_as_many_rows_as_times(shown: Recording, robot: Baxter) -> None:
+    content, _ = recorded_clearance(shown, robot)
+    assert content is not None
+    n = len(content["times"])
+    lengths = [len(content[name]) for name in ("distance_m", "pairs", "points")]
+    assert lengths == [n, 2 * n, 6 * n]
+    assert content["times"][0] == 0.0
+    assert content["times"][-1] == pytest.approx(shown.duration_s)
 
 
 @pytest.mark.parametrize("duration_s", [0.0, 0.004, 1.0, 13.0, 300.0])
@@ -102,7 +128,7 @@ def test_samples_are_regular_and_not_too_many(duration_s: float) -> None:
     assert rows[0] == 0
     assert rows[-1] == len(times) - 1
     assert (np.diff(rows) > 0).all()
-    assert len(rows) <= MOST_SAMPLES
+    assert len(rows) <= MAX_SAMPLES
     if 1.0 <= duration_s <= 13.0:
         assert np.diff(times[rows]).max() <= 1.0 / SAMPLES_PER_S + 0.01
 
@@ -112,19 +138,18 @@ def test_a_recording_without_bodies_tells_of_the_robot_alone(
 ) -> None:
     bare = evolve(shown, bodies={}, body_poses={}, events=())
     links = RobotBody.load().links
-    for sample in clearance_samples(bare, robot):
-        assert {sample.nearest.first, sample.nearest.second} <= links.keys()
+    for sample in samples_of(bare, robot):
+        assert {sample.first, sample.second} <= links.keys()
 
 
 def test_a_file_without_events_and_moves_works(shown: Recording, robot: Baxter) -> None:
-    told = clearance_samples(evolve(shown, events=(), moves=()), robot)
-    assert len(told) == len(clearance_samples(shown, robot))
+    samples = samples_of(evolve(shown, events=(), moves=()), robot)
+    assert len(samples) == len(samples_of(shown, robot))
 
 
 def test_there_is_none_where_nothing_moves(shown: Recording, robot: Baxter) -> None:
     still = evolve(shown, q=np.tile(shown.q[0], (len(shown.q), 1)), moves=())
-    assert recorded_clearance(still, robot) is None
-    assert why_unmeasured(still, robot) == NO_MOTION
+    assert recorded_clearance(still, robot) == (None, NO_MOTION)
 
 
 def test_what_a_hand_held_before_the_recording_began_is_known(
@@ -135,9 +160,10 @@ def test_what_a_hand_held_before_the_recording_began_is_known(
         for kind in (EventKind.GRASPED, EventKind.RELEASED)
     )
     begin, end = np.searchsorted(shown.times_s, [grasped + 0.2, released - 0.2]).tolist()
-    whole = {s.time_s: s.nearest.distance_m for s in clearance_samples(shown, robot)}
+    whole = samples_of(shown, robot)
     for part in (cut(shown, begin, len(shown.times_s)), cut(shown, begin, end)):
-        told = clearance_samples(part, robot)
-        assert min(s.nearest.distance_m for s in told) > 0.0
-        same = [s for s in told if s.time_s in whole]
-        assert all(s.nearest.distance_m == pytest.approx(whole[s.time_s]) for s in same)
+        samples, later_s = samples_of(part, robot), part.times_s[0] - shown.times_s[0]
+        assert min(s.distance_m for s in samples) > 0.0
+        for sample in samples:
+            same = [s for s in whole if abs(s.time_s - later_s - sample.time_s) < SINGLE]
+            assert all(sample.distance_m == pytest.approx(s.distance_m) for s in same)

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
-from sim.view.delta_coding import SHORTEST, delta_coded
-from sim.view.meshcat_commands import packed
+from sim.view.encoding import MIN_CODED, delta_coded, packed
 from tests.sim.conftest import Watched
 from tests.sim.view.replay_decoding import added_up
 
@@ -46,7 +45,7 @@ def test_what_is_no_array_stays() -> None:
 
 
 def test_short_arrays_stay() -> None:
-    values = np.arange(SHORTEST - 1, dtype=np.uint16)
+    values = np.arange(MIN_CODED - 1, dtype=np.uint16)
     assert delta_coded(values) is values
 
 
@@ -85,7 +84,7 @@ def test_the_page_adds_them_up_to_the_same(story: Watched) -> None:
     assert all("differences" in each for each in coded.values())
     text = base64.b64encode(zlib.compress(packed(coded))).decode()
     found = story.run(
-        """async (text) => Object.fromEntries(Object.entries(unpack(await decode(text))).map(
+        """async (text) => Object.fromEntries(Object.entries(await decode(text)).map(
           ([name, values]) => [name, [values.constructor.name, Array.from(values)]]))""",
         text,
     )

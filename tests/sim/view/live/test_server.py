@@ -17,6 +17,7 @@ from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.live.viewer import Viewer
+from tests.sim.view.live.websocket import page_of
 
 HANDSHAKE = (
     "GET /scene HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -114,6 +115,32 @@ def test_a_browser_that_does_not_read_holds_nothing_up(
         before = serving_threads()
         viewer.close()
     assert serving_threads() == before - 1
+
+
+def test_a_slow_browser_delays_no_other_and_costs_no_memory(
+    viewer: Viewer, robot: Baxter, green_block: Body
+) -> None:
+    viewer.add_body(green_block)
+    with socket.create_connection(("127.0.0.1", port_of(viewer))) as client:
+        client.sendall(HANDSHAKE.format(host="localhost", more="").encode())
+        assert viewer.wait_for_client(5.0)
+        with page_of(viewer) as page:
+            for number in range(3000):
+                viewer.show(robot.configuration(), {}, f"caption {number}" + 5000 * ".")
+                if number % 300 == 0:
+                    page.wait_until(lambda page: page.told["caption"].startswith("caption"))
+            page.wait_until(lambda page: page.told["caption"].startswith("caption 2999"))
+        waiting = viewer._server._browsers.values()
+        sizes = [sum(map(len, each.messages().values())) for each in waiting]
+        assert all(size < 1e6 for size in sizes)
+
+
+def test_a_value_that_is_unchanged_is_not_sent_again(viewer: Viewer, robot: Baxter) -> None:
+    with page_of(viewer) as page:
+        for caption in ("one", "one", "two"):
+            viewer.show(robot.configuration(), {}, caption)
+            page.wait_until(lambda page: ("caption", caption) in page.history)  # noqa: B023
+        assert [v for topic, v in page.history if topic == "caption"] == ["", "one", "two"]
 
 
 def test_several_views_live_side_by_side(viewer: Viewer, robot: Baxter) -> None:

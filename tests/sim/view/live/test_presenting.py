@@ -7,7 +7,7 @@ import webbrowser
 
 import pytest
 
-from sim.view.live.in_browser import can_open, open_page, where_to_look
+from sim.view.live.viewer import address_lines, can_open, open_page
 from tests.sim.view.live.websocket import DEADLINE_S
 
 URL = "http://127.0.0.1:7000/"
@@ -35,16 +35,16 @@ def test_a_browser_is_opened_where_the_user_would_see_it(
 
 
 def test_what_is_said_has_the_address_and_what_it_waits_for() -> None:
-    assert list(where_to_look(URL, {}, False, 15.0)) == [
+    assert list(address_lines(URL, {}, False, 15.0)) == [
         "open http://127.0.0.1:7000/ in a browser to watch",
         "(starts when the page is open, or in 15 s)",
     ]
-    assert URL in next(where_to_look(URL, DISPLAY, True, 15.0))
-    assert len(list(where_to_look(URL, {}, False, 0.0))) == 1
+    assert URL in next(address_lines(URL, DISPLAY, True, 15.0))
+    assert len(list(address_lines(URL, {}, False, 0.0))) == 1
 
 
 def test_over_ssh_the_command_that_forwards_the_port_is_said() -> None:
-    said = "\n".join(where_to_look("http://127.0.0.1:7003/", SSH, False, 15.0))
+    said = "\n".join(address_lines("http://127.0.0.1:7003/", SSH, False, 15.0))
     assert "ssh -L 7003:127.0.0.1:7003 user@host" in said
 
 

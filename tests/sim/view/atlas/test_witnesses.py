@@ -15,16 +15,17 @@ from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M
 from baxter_kin.parallel import Serial
 from baxter_kin.validation import FloatArray
 from planner.atlas import PositionGrid, ReachMap, RotationGrid, build_reach_map
-from sim.view.atlas.packed_witnesses import (
+from sim.view.atlas.shown_map import ShownMap, shown_part
+from sim.view.atlas.witnesses import (
     FIRST_BITS,
     OTHER_BITS,
     SAME_RAD,
     PackedWitnesses,
     pack,
+    polished,
+    tip_errors,
     wrapped,
 )
-from sim.view.atlas.polishing import TipChain
-from sim.view.atlas.shown_map import ShownMap, shown_part
 
 EXACT = 1e-9
 """Metres and rad: rounding of numbers of order 1."""
@@ -41,12 +42,12 @@ def test_the_chain_is_pinocchios(robot: Baxter) -> None:
         arm = robot.arm(side)
         q = arm.random_configuration(rng)
         T = arm.T_base_tip(q)
-        error, jacobian = TipChain.of(arm).errors(q[None], T.homogeneous[None])
+        error, jacobian = tip_errors(arm, q[None], T.homogeneous[None])
         assert np.abs(error).max() < EXACT
         assert jacobian[0] == pytest.approx(arm.jacobian(q), abs=EXACT)
         small = pin.SE3(pin.exp3(np.array([1e-3, -2e-3, 3e-3])), np.zeros(3))
         moved = pin.SE3(small.rotation @ T.rotation, T.translation + np.array([1e-3, 0.0, 0.0]))
-        error, _ = TipChain.of(arm).errors(q[None], moved.homogeneous[None])
+        error, _ = tip_errors(arm, q[None], moved.homogeneous[None])
         assert error[0] == pytest.approx([1e-3, 0, 0, 1e-3, -2e-3, 3e-3], abs=EXACT)
 
 
@@ -58,7 +59,7 @@ def test_every_witness_comes_back(reach_map: ReachMap, shown: ShownMap) -> None:
     Ts[:, :3, :3] = reach_map.rotations.matrices[shown.cells[4]]
     for number, side in enumerate(reach_map.arms):
         own, arm = shown.cells[0] == number, reach_map.robot.arm(side)
-        q, _ = TipChain.of(arm).polished(q_near[own], Ts[own])
+        q, _ = polished(arm, q_near[own], Ts[own])
         for each, T in zip(q[::7], Ts[own][::7], strict=True):
             reached = arm.T_base_tip(each)
             assert np.linalg.norm(reached.translation - T[:3, 3]) < POSITION_TOLERANCE_M
