@@ -42,7 +42,7 @@ class StoryOptions:
         "--html", type=file_to_write, metavar="FILE", help="write a replay to open and send"
     )
     record: Path | None = option(
-        "--record", type=file_to_write, metavar="FILE", help="write all that happens, .npz"
+        "--record", type=file_to_write, metavar="FILE", help="write all that happens, .mcap"
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.command_line import OneSentenceParser, whole_number
 from planner import Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
-from sim import CsvRecorder, Recorder, Simulation, World
+from sim import Recorder, Simulation, World
 from sim.demo.options import DEFAULT_POSES_M
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies
 
@@ -95,8 +95,8 @@ def _print_simulation() -> None:
     )
     back = plan_start_move(manipulator, world.scene, manipulator.arm.start, manipulator.arm.neutral)
     with tempfile.TemporaryDirectory() as folder:
-        csv = CsvRecorder(Path(folder) / "motion.csv", robot)
-        simulation = Simulation(world, [Recorder(robot), csv])
+        csv = Recorder(robot, Path(folder) / "motion.csv")
+        simulation = Simulation(world, [csv])
         started = time.perf_counter()
         while simulation.time_s < SIMULATED_S:
             simulation.execute(there, unverified=True)

@@ -33,7 +33,7 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, plan_pick_and_place
 from planner.scene.objects import URDF_FOLDER
-from sim import Simulation, World, read_log
+from sim import Simulation, World, read_recording
 from sim.demo.scene import BLOCK, demo_bodies, overhead
 from sim.errors import SimulationError
 from sim.outcome import Dwell
@@ -825,7 +825,7 @@ class _Stage:
     ) -> tuple[MeasuredOutcome, float, int]:
         """One execution: outcome, distance of the block from its place, mm, and number of hits."""
         with tempfile.TemporaryDirectory() as folder:
-            log = Path(folder) / "robot.jsonl"
+            log = Path(folder) / "robot.mcap"
             with (
                 robot_process("--record", str(log), *robot_options) as (uri, _),
                 _linked(uri) as link,
@@ -842,7 +842,7 @@ class _Stage:
                 except SimulationError as cause:  # as on a busy computer
                     outcome = MeasuredOutcome(str(cause), 0.0)
                 time.sleep(0.3)
-            recording = read_log(log).recording
+            recording = read_recording(log).recording
         hits = sum(event.kind.name == "HIT" for event in recording.events)
         off_m = np.abs(recording.body_poses[BLOCK][-1][:3] - self.block_m).max()
         return outcome, 1e3 * float(off_m), hits

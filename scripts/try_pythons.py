@@ -29,7 +29,7 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 MINORS = range(OLDEST_PYTHON[1], OLDEST_PYTHON[1] + 20)
 WITHIN_S = 1200.0
 
-NEEDED = "hypothesis ipywidgets mcap playwright psutil pytest pytest-xdist pyyaml rosbags"
+NEEDED = "hypothesis ipywidgets jsonschema playwright psutil pytest pytest-xdist pyyaml rosbags"
 """Packages of the extra `dev` that the tests below import."""
 
 TESTS = """

@@ -15,7 +15,7 @@ from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike, open_to_read, open_to_write
 from sim.errors import RecordingError
 
-LONGEST_LINE_BYTES = 64 * 2**20
+MAX_LINE_BYTES = 64 * 2**20
 """A mesh of 200,000 triangles takes 20 MB as text; a longer line belongs to something else."""
 
 
@@ -161,9 +161,9 @@ def replace_file(path: PathLike, content: bytes) -> None:
 
 
 def _next_line(stream: IO[bytes], file: Path, number: int) -> bytes:
-    content = stream.readline(LONGEST_LINE_BYTES)
-    if len(content) == LONGEST_LINE_BYTES:
+    content = stream.readline(MAX_LINE_BYTES)
+    if len(content) == MAX_LINE_BYTES:
         raise RecordingError(
-            f"{shown_path(file)}: line {number} is longer than {LONGEST_LINE_BYTES >> 20} MB"
+            f"{shown_path(file)}: line {number} is longer than {MAX_LINE_BYTES >> 20} MB"
         )
     return content

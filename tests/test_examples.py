@@ -20,7 +20,7 @@ from baxter_kin.validation import FloatArray
 from examples import right_arm, sorting, three_poses, tower, where_to_put_the_table
 from examples.workbench import play, scattered
 from planner import make_block, verify
-from sim import EventKind, Recording, Workbench, load_recording
+from sim import EventKind, Recording, Workbench, read_recording
 from sim.workbench.tabletop import TABLE_Z_M, on_table
 from tests.closeness import Closeness
 
@@ -56,7 +56,7 @@ class Run:
 
     @property
     def recording(self) -> Recording:
-        return load_recording(self.folder / "run.npz")
+        return read_recording(self.folder / "run.mcap").recording
 
     def centre(self, block: str) -> FloatArray:
         """Where a block ended: the centre of a cube is its origin."""
@@ -80,7 +80,7 @@ def run_of(module: ModuleType, folder: Path) -> Run:
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
         status = module.main(
-            ["--html", str(folder / "run.html"), "--record", str(folder / "run.npz")]
+            ["--html", str(folder / "run.html"), "--record", str(folder / "run.mcap")]
         )
     return Run(status, said.getvalue(), folder)
 
@@ -95,7 +95,7 @@ def test_all_tasks_are_done_and_every_plan_verified(runs: Callable[[str], Run], 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_replay_is_one_whole_page(runs: Callable[[str], Run], name: str) -> None:
     folder = runs(name).folder
-    assert sorted(path.name for path in folder.iterdir()) == ["run.html", "run.npz"]
+    assert sorted(path.name for path in folder.iterdir()) == ["run.html", "run.mcap"]
     page = folder / "run.html"
     assert page.stat().st_size <= LARGEST_PAGE
     assert page.read_text().rstrip().endswith("</html>")

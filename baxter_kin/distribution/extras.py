@@ -16,7 +16,6 @@ from types import MappingProxyType
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "atlas": ("dask", "distributed", "tqdm", "zarr"),
-        "mcap": ("mcap", "rosbags"),
         "plot": ("matplotlib",),
         "ros1": ("rosbags",),
     }

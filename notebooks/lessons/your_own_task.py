@@ -9,7 +9,7 @@ import numpy as np
 
 from lessons.answers import Mistake, exercise, instance, shown, stock_robot
 from planner import Move, Plan
-from sim.recording.reading.rsdk_reading import read_rsdk_csv
+from sim.recording.rsdk_csv import read_csv
 from sim.workbench.workbench import Workbench
 
 TOWER = ("red", "green", "blue")
@@ -91,7 +91,7 @@ def check_file(answer: Any) -> str:
         )
     if Path(answer).suffix == ".json":
         raise Mistake("that is a plan as save_plan writes it; Baxter's player reads CSV: write_csv")
-    recording, _ = read_rsdk_csv(answer, stock_robot())
+    recording, _ = read_csv(Path(answer), stock_robot())
     speeds = {side: _ratio(recording, side) for side in ("left", "right")}
     side = max(speeds, key=lambda each: speeds[each])
     if speeds[side] > RATIO * (1.0 + READ_OFF):

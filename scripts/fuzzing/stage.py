@@ -40,7 +40,6 @@ from baxter_kin import (
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.tolerance import Task
 from planner.verification import Relation
-from sim.recording.playback import retell
 from sim.ros1.definitions import message_type
 from sim.ros1_messages import MessageType
 from sim.samples import Sample
@@ -424,7 +423,7 @@ class _Lasting:
             def on_snapshot(self, snapshot: s.Snapshot) -> None:
                 seen.append(snapshot)
 
-        retell(self.Recording, Eye())
+        s.play_back(self.Recording, Eye())
         return seen[-1]
 
     @cached_property
@@ -511,11 +510,7 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "Gripper": lambda stage: s.world.Gripper(stage["World"], "left"),
     "Observer": lambda _: s.Observer(),
     "Recorder": lambda stage: s.Recorder(stage["Baxter"]),
-    "CsvRecorder": lambda stage: s.CsvRecorder(stage.file("csv"), stage["Baxter"]),
-    "BagRecorder": lambda stage: s.BagRecorder(stage.file("bag"), stage["Baxter"]),
     "PlanCsvFile": lambda stage: s.recording.PlanCsvFile(stage.file("csv")),
-    "LogRecorder": lambda stage: s.LogRecorder(stage.file("log"), stage["Baxter"]),
-    "McapRecorder": lambda stage: s.McapRecorder(stage.file("mcap"), stage["Baxter"]),
     "TruePoses": lambda stage: s.TruePoses(stage["World"]),
     "NoisyPoses": _noisy,
     "ClosedLoop": _closed_loop,

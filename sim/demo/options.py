@@ -221,9 +221,9 @@ class DemoOptions:
     def __post_init__(self) -> None:
         if self.is_endless and self.given_cycles is not None:
             raise UsageError("--forever and --cycles exclude each other; give one of them")
-        if self.is_endless and self.record is not None and self.record.suffix == ".npz":
+        if self.is_endless and self.record is not None and self.record.suffix == ".bag":
             raise UsageError(
-                "--record keeps .npz in memory until the end; with --forever use .jsonl"
+                "--record keeps .bag in memory until the end; with --forever use .mcap"
             )
         if self.dwell_s is not None and self.csv is None:
             raise UsageError("--dwell is for the file of --csv; give both")

@@ -7,10 +7,10 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from planner import Plan
-from sim import CsvRecorder, Observer, Recorder, World
+from sim import Observer, Recorder, World
 from sim.demo.options import DemoOptions
-from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
-from sim.recording.record_file import recorder_of
+from sim.recording.record_file import csv_recorder_of, recorder_of
+from sim.recording.rsdk_csv import PlanCsvFile, warn_if_as_drawn
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.view.live.viewer import Viewer
@@ -32,9 +32,8 @@ def outputs(options: DemoOptions, world: World, say: Say, cleanup: ExitStack) ->
     """
     robot = world.robot
     if options.csv is not None and options.dwell_s is None:
-        csv = CsvRecorder(options.csv, robot)
+        csv = csv_recorder_of(options.csv, robot, cleanup)
         warn_if_as_drawn(robot.description.identity, options.csv)
-        cleanup.callback(csv.close)
         yield csv
     if options.record is not None:
         yield recorder_of(options.record, robot, cleanup)

@@ -6,7 +6,6 @@ object-oriented interface is used, so no window is opened and no global state is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,19 +25,19 @@ if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
 
 SIZE_INCH = (21.0, 9.5)
-"""Of one arm."""
+"""Size of the figure of one arm."""
 
 STILL_RAD = 2e-3
-"""An arm whose joints move no farther stands still; encoders of a real one are no quieter."""
+"""Maximum range of the joints of an arm that stands still; real encoders are no quieter."""
 
-STILL = 1e-6
-"""Rates of an arm that stands still, in rad/s, rad/s^2 and rad/s^3: rounding."""
+STILL_RATE = 1e-6
+"""Maximum rates of an arm that stands still, rad/s, rad/s^2 and rad/s^3: rounding."""
 
-LARGEST_VIEW = 2.5
-"""A panel reaches no farther than so many times the limits, whatever differences of noise give."""
+MAX_VIEW = 2.5
+"""Maximum range of a panel as a multiple of the limits, since noise has large differences."""
 
 MARGIN = 0.12
-"""How much of the limits' range is shown beyond them."""
+"""Share of the limits' range that is shown beyond them."""
 
 EXACT_COLOUR = "#1f5fa8"
 DIFFERENCE_COLOUR = "#8fb3d9"
@@ -51,31 +50,17 @@ _MARKS = {
 }
 """Events that are marked, with their colours."""
 
-MOST_LABELS = 6
-"""More marks than this carry no text, or it could not be read; the legend has it."""
+MAX_LABELS = 6
+"""Maximum number of marks with text, which could not be read otherwise; the legend has it, too."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
-    """One row of panels.
-
-    Attributes:
-        label: quantity and unit.
-        key: its name in `ArmMotion`.
-        steps: whether it is constant from each time to the next.
-    """
-
-    label: str
-    key: str
-    steps: bool = False
-
-
-_ROWS = (
-    _Row("position [rad]", "q"),
-    _Row("velocity [rad/s]", "v"),
-    _Row("acceleration [rad/s²]", "a"),
-    _Row("jerk [rad/s³]", "j", steps=True),
-)
+_ROWS = {
+    "q": "position [rad]",
+    "v": "velocity [rad/s]",
+    "a": "acceleration [rad/s²]",
+    "j": "jerk [rad/s³]",
+}
+"""Labels of the rows of panels, by the quantity's name in `ArmMotion`."""
 
 
 def plot_recording(
@@ -84,7 +69,7 @@ def plot_recording(
     """Position, velocity, acceleration and jerk of each joint against its limits.
 
     Args:
-        recording: what happened.
+        recording: the recording to draw.
         limb: "left" or "right"; when not given, those that moved.
         limits: of that arm; when not given, those of the recorded moves, or else the robot's.
 
@@ -163,15 +148,15 @@ def _draw_arm(
 ) -> None:
     events = [event for event in recording.events if event.kind in _MARKS]
     panels = part.subplots(len(_ROWS), len(motion.joint_names), sharex=True)
-    for row, axes_of_row in zip(_ROWS, panels, strict=True):
-        low, high = _bounds(row, limits)
+    for (key, label), axes_of_row in zip(_ROWS.items(), panels, strict=True):
+        low, high = _bounds(key, limits)
         for i, axes in enumerate(axes_of_row):
-            _draw_panel(axes, motion, row, i, (float(low[i]), float(high[i])))
+            _draw_panel(axes, motion, key, i, (float(low[i]), float(high[i])))
             _draw_marks(axes, events)
-        axes_of_row[0].set_ylabel(row.label)
+        axes_of_row[0].set_ylabel(label)
     for axes, name in zip(panels[0], motion.joint_names, strict=True):
         axes.set_title(name, fontsize=11, fontweight="bold", pad=8)
-    if len(events) <= MOST_LABELS:
+    if len(events) <= MAX_LABELS:
         for axes in panels[0]:
             _draw_labels(axes, events)
     for axes in panels[-1]:
@@ -182,10 +167,10 @@ def _draw_arm(
 
 
 def _draw_panel(
-    axes: Any, motion: ArmMotion, row: _Row, joint: int, bounds: tuple[float, float]
+    axes: Any, motion: ArmMotion, key: str, joint: int, bounds: tuple[float, float]
 ) -> None:
-    values: FloatArray = getattr(motion, row.key)[:, joint]
-    style = "steps-post" if row.steps else "default"
+    values: FloatArray = getattr(motion, key)[:, joint]
+    style = "steps-post" if key == "j" else "default"  # jerks are piecewise constant
     known = _known(motion)
     for mask, colour in ((_widened(~known), DIFFERENCE_COLOUR), (known, EXACT_COLOUR)):
         shown = np.where(mask, values, np.nan)
@@ -220,16 +205,16 @@ def _draw_labels(axes: Any, events: list[Event]) -> None:
         )
 
 
-def _bounds(row: _Row, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
-    if row.key == "q":
+def _bounds(key: str, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+    if key == "q":
         return limits.q_min, limits.q_max
-    most: FloatArray = getattr(limits, f"{row.key}_max")
+    most: FloatArray = getattr(limits, f"{key}_max")
     return -most, most
 
 
 def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
     """What a panel shows: the limits and a margin, and values beyond as far as is sensible."""
-    reach = (high - low) / 2 * LARGEST_VIEW
+    reach = (high - low) / 2 * MAX_VIEW
     middle = (low + high) / 2
     margin = MARGIN * (high - low) / 2
     bottom = max(min(low, float(values.min())), middle - reach)
@@ -240,7 +225,7 @@ def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
 def _known(motion: ArmMotion) -> NDArray[np.bool_]:
     """Where the motion is exact: in recorded moves, and where the arm stands still."""
     changes = np.abs(np.concatenate([motion.v, motion.a, motion.j], axis=1))
-    known: NDArray[np.bool_] = motion.is_exact | (changes.max(axis=1) < STILL)
+    known: NDArray[np.bool_] = motion.is_exact | (changes.max(axis=1) < STILL_RATE)
     return known
 
 

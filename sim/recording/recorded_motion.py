@@ -1,7 +1,7 @@
 """The motion of a recorded arm: what was commanded, and so position, velocity, acceleration, jerk.
 
 A kinematic simulation follows its commands to the bit, so where a move was recorded its exact cubic
-tells all four. Elsewhere, as in a recording of the real robot, central differences of the recorded
+gives all four. Elsewhere, as in a recording of a real robot, central differences of the recorded
 positions do.
 """
 
@@ -24,10 +24,10 @@ from sim.errors import RecordingError
 from sim.events import Event
 
 AGREEMENT_RAD = 1e-6
-"""How far recorded positions may be from a recorded move that still explains them: rounding."""
+"""Maximum distance of recorded positions from a recorded move that explains them: rounding."""
 
 ROUNDING_S = 1e-9
-"""How far a tick may be outside a move by rounding."""
+"""Maximum time of a tick outside a move: rounding."""
 
 
 def _contacts(given: tuple[Contact, ...] | None) -> tuple[Contact, ...] | None:
@@ -42,8 +42,8 @@ class RecordedMove:
         start_s: when it began, in the recording's time.
         label: what it was for, such as "cycle 1, pick: approach".
         trajectory: the exact motion; its limits name the joints.
-        ik: what inverse kinematics answered for where it ends; None where it was not asked.
-        contacts: those that were meant; None where nobody said.
+        ik: the result of inverse kinematics for its end; None for a move in joint angles.
+        contacts: intended contacts; None if unknown.
 
     Raises:
         RecordingError: when a part is of another type, or the joints are not those of one arm.

@@ -1,269 +1,289 @@
-"""Recorder: an observer that keeps what happens in memory, until data is made of it.
-
-`RecordingMemory` is that memory, which logs that are read back fill, too.
-
-And `StoredEvent`: what the files that keep all of a recording keep of an event. The move that began
-is not kept with it: its motion is among the moves.
-"""
+"""The recorder: an observer that keeps what happens in memory, or writes it to a file."""
 
 from __future__ import annotations
 
 import sys
+from abc import abstractmethod
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import count
+from baxter_kin.display import OneLine, count
+from baxter_kin.fields import NotCopied, evolve
+from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, expect, whole_scalar
-from planner import Body, Scene, State
+from baxter_kin.model import given_or_stock
+from baxter_kin.validation import expect, whole_scalar
+from planner import Body, Plan, RobotBody, Scene, State
 from sim.errors import RecordingError
-from sim.events import Event, EventKind, Snapshot
+from sim.events import Event, Snapshot
+from sim.recording.record_file import open_record
 from sim.recording.recorded_motion import RecordedMove, recorded_move
-from sim.recording.recording import Commands, Recording
+from sim.recording.recording import Caption, Entry, RecordedSample, Recording, Row
 from sim.samples import Sample, SampleObserver
+from sim.simulation import Simulation
+from sim.world.world import World
 
 
-@dataclass(frozen=True, slots=True)
-class StoredEvent:
-    """An event as it is kept.
-
-    Attributes:
-        time_s: simulated time.
-        kind: what.
-        text: one readable phrase.
-        body: name of the body that it is about; before sides were kept, only of one that appeared
-            or disappeared.
-        side: of the arm that it is about.
-    """
-
-    time_s: float
-    kind: EventKind
-    text: str
-    body: str | None = None
-    side: str | None = None
-
-    @classmethod
-    def of(cls, event: Event) -> StoredEvent:
-        """What is kept of an event."""
-        body = None if event.body is None else event.body.name
-        return cls(event.time_s, event.kind, event.text, body, event.side)
-
-    def event(self, bodies: Mapping[str, Body]) -> Event:
-        """The event, with the body of its name."""
-        body = bodies.get(self.body or "")
-        return Event(self.time_s, self.kind, self.text, self.side, body=body)
-
-
-class Row(NamedTuple):
-    """What is recorded of a snapshot.
+class RecordingBuilder:
+    """The entries so far; `build` makes a recording of them.
 
     Attributes:
-        time_s: simulated time.
-        q: full configuration, rad and m.
-        gripper_percent: of the left and the right gripper.
-        poses: of every body present, by name, as `pose_row`.
-        caption: what is going on, in words.
-    """
-
-    time_s: float
-    q: FloatArray
-    gripper_percent: Sequence[float] | FloatArray
-    poses: Mapping[str, Sequence[float] | FloatArray]
-    caption: str
-
-
-class CommandSample(NamedTuple):
-    """What is recorded of a `Sample`.
-
-    Attributes:
-        limb: "left" or "right".
-        time_s: since the execution began.
-        q_sent: the set-point, shape (7,), rad.
-        q_measured: what was measured last, shape (7,), rad.
-    """
-
-    limb: str
-    time_s: float
-    q_sent: FloatArray
-    q_measured: FloatArray
-
-    @classmethod
-    def of(cls, sample: Sample) -> CommandSample:
-        """The commands of a sample."""
-        return cls(sample.limb, sample.time_s, sample.q_sent, sample.q_measured)
-
-
-class RecordingMemory:
-    """What happened so far, in memory: of a simulation, or of the lines of a log.
-
-    Attributes:
-        rows: of the snapshots, in order.
-        bodies: by name, as last told.
-        events: in order.
-        moves: in order.
-        samples: what was sent to a robot and measured, in order.
+        rows: the snapshots so far.
+        bodies: the bodies so far, by name.
     """
 
     def __init__(
-        self, joint_names: tuple[str, ...], robot: RobotIdentity | None, keep: int | None = None
+        self,
+        joint_names: tuple[str, ...],
+        robot: RobotIdentity | None,
+        *,
+        limbs: tuple[str, ...] = LIMBS,
+        keep: int | None = None,
     ) -> None:
         """Start empty; `keep` as of `Recorder`."""
-        self.joint_names, self._robot = joint_names, robot
+        self.joint_names, self.robot, self.limbs = joint_names, robot, limbs
         self.rows: deque[Row] = deque(maxlen=keep)
         self.bodies: dict[str, Body] = {}
-        self.events: deque[Event] = deque()
-        self.moves: deque[RecordedMove] = deque()
-        self.samples: deque[CommandSample] = deque()
+        self._start: State | None = None
+        self._captions: deque[Caption] = deque()
+        self._events: deque[Event] = deque()
+        self._moves: deque[RecordedMove] = deque()
+        self._samples: deque[RecordedSample] = deque()
 
-    def recording(self) -> Recording:
-        """All of it."""
+    def add(self, entry: Entry) -> None:
+        """Add an entry. If there are too many snapshots, the oldest and what ended before drop."""
+        if isinstance(entry, Row):
+            drops = len(self.rows) == self.rows.maxlen
+            self.rows.append(entry)
+            if drops:
+                self._drop_before(self.rows[0].time_s)
+        elif isinstance(entry, Caption):
+            self._captions.append(entry)
+        elif isinstance(entry, RecordedSample):
+            self._samples.append(entry)
+        elif isinstance(entry, Event):
+            self._events.append(entry)
+        elif isinstance(entry, RecordedMove):
+            self._moves.append(entry)
+        elif isinstance(entry, Body):
+            self.bodies[entry.name] = entry
+        else:
+            self._start = entry
+
+    def build(self) -> Recording:
+        """Make a recording; what is added later does not change it."""
         if not self.rows:
             raise RecordingError("the recording is empty: nothing was simulated")
-        self.forget_the_past()
+        absent = np.full(7, np.nan)
         return Recording(
             joint_names=self.joint_names,
             times_s=np.array([row.time_s for row in self.rows]),
             q=np.array([row.q for row in self.rows]),
             gripper_percent=np.array([row.gripper_percent for row in self.rows]),
             bodies=self.bodies,
-            body_poses={name: self._track(name) for name in self.bodies},
-            captions=self._captions(),
-            events=tuple(self.events),
-            moves=tuple(self.moves),
-            robot=self._robot,
-            commands=self._commands(),
+            body_poses={
+                name: np.array([row.poses.get(name, absent) for row in self.rows])
+                for name in self.bodies
+            },
+            captions=tuple((caption.time_s, caption.text) for caption in self._captions),
+            events=tuple(self._events),
+            moves=tuple(self._moves),
+            robot=self.robot,
+            limbs=self.limbs,
+            samples=tuple(self._samples),
+            start=self._start,
         )
 
-    def forget_the_past(self) -> None:
-        """What ended before the first snapshot that is kept, once others were dropped."""
-        if len(self.rows) != self.rows.maxlen:
-            return
-        first_s = self.rows[0].time_s
-        while self.moves and self.moves[0].end_s < first_s:
-            self.moves.popleft()
-        while self.events and self.events[0].time_s < first_s:
-            self.events.popleft()
-        while self.samples and self.samples[0].time_s < first_s:
-            self.samples.popleft()
+    def _drop_before(self, first_s: float) -> None:
+        self._start = None
+        while len(self._captions) > 1 and self._captions[1].time_s <= first_s:
+            self._captions.popleft()
+        if self._captions and self._captions[0].time_s < first_s:
+            self._captions[0] = evolve(self._captions[0], time_s=first_s)
+        while self._moves and self._moves[0].end_s < first_s:
+            self._moves.popleft()
+        for left in (self._events, self._samples):
+            while left and left[0].time_s < first_s:
+                left.popleft()
 
-    def _commands(self) -> dict[str, Commands]:
-        found = {}
-        for limb in sorted({sample.limb for sample in self.samples}):
-            times, sent, measured = zip(
-                *(sample[1:] for sample in self.samples if sample.limb == limb), strict=True
-            )
-            found[limb] = Commands(np.array(times), np.array(sent), np.array(measured))
-        return found
 
-    def _track(self, name: str) -> FloatArray:
-        absent = np.full(7, np.nan)
-        return np.array([row.poses.get(name, absent) for row in self.rows])
+class RecordFile(NotCopied, OneLine):
+    """A file that entries are written to."""
 
-    def _captions(self) -> tuple[tuple[float, str], ...]:
-        captions: list[tuple[float, str]] = []
-        for row in self.rows:
-            if not captions or captions[-1][1] != row.caption:
-                captions.append((row.time_s, row.caption))
-        return tuple(captions)
+    @abstractmethod
+    def add(self, entry: Entry) -> None:
+        """Write an entry, if the format has a place for it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish the file; a second call does nothing."""
 
 
 class Recorder(SampleObserver):
-    """Collects snapshots and events in memory; `recording()` makes data of them."""
+    """Collects what happens in memory and, if it is given a file, writes it there as well.
 
-    def __init__(self, robot: Baxter, *, keep: int | None = None) -> None:
+    MCAP and CSV files are written while it happens: a process that is killed loses what happened in
+    the last half second. Other files are written by `close`. A recorder is a context manager.
+    """
+
+    def __init__(
+        self, robot: Baxter, file: PathLike | RecordFile | None = None, *, keep: int | None = None
+    ) -> None:
         """Start empty.
 
         Args:
-            robot: whose joints are recorded.
-            keep: how many snapshots to keep, and the events and moves of that time; all when not
-                given.
+            robot: the robot whose joints are recorded.
+            file: a file, in the format of its suffix: .mcap, .csv (of the RSDK) or .bag (of ROS 1);
+                an older one is replaced. Or one that is open.
+            keep: maximum number of snapshots kept in memory, with the events and moves of that
+                time; by default all.
 
         Raises:
-            RecordingError: when `keep` is not a whole number above zero.
+            RecordingError: when the file cannot be written, or `keep` is not a whole number above
+                zero.
         """
         if keep is not None:
             keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
-        expect(robot, Baxter, "robot", RecordingError)
-        self._story = RecordingMemory(robot.joint_names, robot.description.identity, keep)
+        names = expect(robot, Baxter, "robot", RecordingError).joint_names
+        self._builder = RecordingBuilder(names, robot.description.identity, keep=keep)
+        if file is None or isinstance(file, RecordFile):
+            self._file = file
+        else:
+            self._file = open_record(file, self._builder)
+        self._caption: str | None = None
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Refuse to copy a recorder that writes a file."""
+        if self._file is not None:
+            self._file.__reduce__()
+        return self.__dict__
 
     @property
     def has_snapshots(self) -> bool:
         """Whether there is anything to make a recording of."""
-        return bool(self._story.rows)
+        return bool(self._builder.rows)
 
     def remember(self, scene: Scene) -> None:
-        """Note the shapes of bodies, which snapshots do not carry.
+        """Record the shapes of bodies, which snapshots do not have.
 
-        A simulation tells of those that were in its world before it began and of those that it
-        spawns; this is for what is recorded without one.
+        A simulation reports the bodies that are in its world at the start and those that it spawns;
+        this is for other bodies.
 
         Raises:
-            RecordingError: when it is no scene.
+            RecordingError: when it is not a scene.
         """
-        self._story.bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
+        for body in expect(scene, Scene, "scene", RecordingError):
+            self._add(body)
 
     def on_start(self, state: State) -> None:
-        """Note the shapes of the bodies that are there.
-
-        Raises:
-            RecordingError: when it is no state.
-        """
+        """Record the state at the start."""
         self.remember(expect(state, State, "state", RecordingError).scene)
+        self._add(state)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Keep it.
-
-        Raises:
-            RecordingError: when it is no snapshot.
-        """
+        """Record a snapshot."""
         shot = expect(snapshot, Snapshot, "snapshot", RecordingError)
+        if shot.caption != self._caption:
+            self._caption = shot.caption
+            self._add(Caption(shot.time_s, shot.caption))
         percent = [shot.grippers[side].percent for side in LIMBS]
         poses = {name: pose_row(T) for name, T in shot.T_base_bodies.items()}
-        self._story.rows.append(Row(shot.time_s, shot.q, percent, poses, shot.caption))
+        self._add(Row(shot.time_s, shot.q, percent, poses))
 
     def on_event(self, event: Event) -> None:
-        """Keep it, the move that began, and the shapes of a body that appeared.
-
-        Raises:
-            RecordingError: when it is no event.
-        """
+        """Record an event, the move that begins, and the shapes of a body that appears."""
         expect(event, Event, "event", RecordingError)
-        self._story.events.append(event)
         if event.body is not None and event.is_of_appearance:
-            self._story.bodies[event.body.name] = event.body
+            self._add(event.body)
+        self._add(event)
         move = recorded_move(event)
         if move is not None:
-            self._story.moves.append(move)
-        self._story.forget_the_past()
+            self._add(move)
 
     def on_sample(self, sample: Sample) -> None:
-        """Keep what was sent to a robot and measured.
-
-        Raises:
-            RecordingError: when it is no sample.
-        """
+        """Record what was sent to a robot and measured."""
         expect(sample, Sample, "sample", RecordingError)
-        self._story.samples.append(CommandSample.of(sample))
+        names = RecordedSample.__dataclass_fields__
+        self._add(RecordedSample(**{name: getattr(sample, name) for name in names}))
 
     def recording(self) -> Recording:
-        """All so far.
+        """Make a recording of everything so far.
 
         Raises:
             RecordingError: when there is no snapshot yet.
         """
-        return self._story.recording()
+        return self._builder.build()
+
+    def close(self) -> None:
+        """Finish the file, if there is one; a second call does nothing."""
+        if self._file is not None:
+            self._file.close()
+
+    def _add(self, entry: Entry) -> None:
+        self._builder.add(entry)
+        if self._file is not None:
+            self._file.add(entry)
 
     def _facts(self) -> tuple[str, ...]:
-        return (count(len(self._story.rows), "snapshot"),)
+        file = "" if self._file is None else repr(self._file)
+        return count(len(self._builder.rows), "snapshot"), file
 
 
 def pose_row(T_base_body: pin.SE3) -> list[float]:
     """A pose seen from base as x, y, z, then quaternion x, y, z, w; seven numbers, m."""
     return [*T_base_body.translation.tolist(), *quaternion_xyzw(T_base_body).tolist()]
+
+
+def planned_recording(
+    plan: Plan, robot: Baxter | None = None, *, body: RobotBody | None = None
+) -> Recording:
+    """The recording of an execution exactly as planned; contacts are not checked.
+
+    Args:
+        plan: a valid plan; its own `start` is the world that it begins in.
+        robot: the robot that it is for; by default the stock robot.
+        body: the shapes of that robot; by default `RobotBody.load()`.
+    """
+    expect(plan, Plan, "plan", RecordingError)
+    if plan.failure is not None:
+        raise RecordingError(f"an invalid plan has nothing to show: {plan.failure}")
+    known = given_or_stock(robot, RecordingError)
+    difference = "" if plan.robot is None else known.description.identity.difference(plan.robot)
+    if difference:
+        raise RecordingError(f"the plan is for another robot: {difference}; give that one")
+    recorder = Recorder(known)
+    simulation = Simulation(_world_at(plan.start, known, body), [recorder], check_contacts=False)
+    simulation.execute(evolve(plan, robot=None), unverified=True)  # `body` may be another one
+    simulation.finish()
+    return recorder.recording()
+
+
+def _world_at(state: State, robot: Baxter, body: RobotBody | None) -> World:
+    """Robot and bodies exactly as in a state, without anything falling."""
+    world = World(robot, body)
+    for side, arm in robot.arms.items():
+        if all(name in state.joints for name in arm.joint_names):
+            world.move_arm(side, state.q(arm.joint_names))
+    for side, hand in world.hands.items():
+        if hand.joint_names[0] in state.joints:
+            world.set_fingers(side, state.joints[hand.joint_names[0]])
+    if "head_pan" in state.joints:
+        world.turn_head(state.joints["head_pan"])
+    for change in (world.spawn, lambda each: world.slide(each.name, each.T_base_body)):
+        for each in state.scene:
+            change(each)
+    for each in state.scene:
+        world.place_body(each.name, each.T_base_body)
+    for held in state.attachments:
+        world.attach(held.side, held.body, held.T_link_body)
+    return world

@@ -7,13 +7,14 @@ control_msgs of ROS Noetic.
 
 from __future__ import annotations
 
-from sim.recording.ros1_files.messages import GRIPPER_FIELDS, GRIPPER_STATE
+from sim.recording.joint_states import ROBOT_MESSAGES
 from sim.ros1_messages import MessageType, MessageTypes, ServiceType
 
 _STAMPED_GOAL = "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\n"
 _STAMPED_STATUS = "std_msgs/Header header\nactionlib_msgs/GoalStatus status\n"
 
 MESSAGES = {
+    **ROBOT_MESSAGES,
     "baxter_core_msgs/AnalogIOState": """
 time timestamp
 float64 value
@@ -103,7 +104,6 @@ bool controls_position
 bool senses_position
 string properties
 """,
-    GRIPPER_STATE: GRIPPER_FIELDS,
     "baxter_core_msgs/EndpointState": """
 std_msgs/Header header
 geometry_msgs/Pose pose
@@ -125,15 +125,6 @@ float32 pan
 bool isTurning
 bool isNodding
 bool isPanEnabled
-""",
-    "baxter_core_msgs/JointCommand": """
-int32 POSITION_MODE=1
-int32 VELOCITY_MODE=2
-int32 TORQUE_MODE=3
-int32 RAW_POSITION_MODE=4
-int32 mode
-float64[] command
-string[] names
 """,
     "baxter_core_msgs/NavigatorState": """
 string[] button_names

@@ -53,7 +53,7 @@ def _lag(text: str) -> float:
     "hold; tested against Debian's ROS 1 and the original clients, never on hardware.",
     examples=(
         "python -m sim.ros1.execute plan.json --dry-run",
-        "python -m sim.ros1.execute plan.json --speed 0.3 --record run.jsonl",
+        "python -m sim.ros1.execute plan.json --speed 0.3 --record run.mcap",
         "python -m sim.ros1.execute plan.json --lag-s 0.38 0.42",
         "python -m sim.ros1.execute plan.json --response left.json",
     ),

@@ -47,7 +47,7 @@ LOST_S = 3.0
     "Show the joint states of the Baxter of ROS_MASTER_URI in the browser, live. Nothing is sent.",
     examples=(
         "python -m sim.ros1.mirror",
-        "python -m sim.ros1.mirror --headless --record seen.jsonl --duration-s 10",
+        "python -m sim.ros1.mirror --headless --record seen.mcap --duration-s 10",
     ),
     end=EXIT_STATUS.format(done="0 shown; 1 nothing was received, or no more"),
 )

@@ -21,7 +21,7 @@ from baxter_kin.command_line import (
     option,
 )
 from baxter_kin.errors import BaxterError
-from sim.recording.record_file import record_option
+from sim.recording.record_file import csv_recorder_of, record_option, recorder_of
 
 if TYPE_CHECKING:  # --help needs none of them
     from baxter_kin import Baxter
@@ -202,12 +202,7 @@ class FileOptions:
 
 def file_observers(files: FileOptions, robot: Baxter, stack: ExitStack) -> list[Observer]:
     """The observers that write the files; the stack finishes them."""
-    from sim.recording.rsdk_csv import CsvRecorder  # noqa: PLC0415
-    from sim.ros1.records import record_to  # noqa: PLC0415
-
-    observers: list[Observer] = [record_to(path, robot, stack) for path in files.record]
+    observers: list[Observer] = [recorder_of(path, robot, stack) for path in files.record]
     if files.csv is not None:
-        csv = CsvRecorder(files.csv, robot)
-        stack.callback(csv.close)
-        observers.append(csv)
+        observers.append(csv_recorder_of(files.csv, robot, stack))
     return observers

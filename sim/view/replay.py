@@ -22,7 +22,7 @@ from planner.collision.robot.robot_body import RobotBody, fitted
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.files import explained
-from sim.recording.planned_recording import planned_recording
+from sim.recording.recorder import planned_recording
 from sim.recording.recording import Recording
 from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance

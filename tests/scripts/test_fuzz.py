@@ -31,7 +31,7 @@ def test_every_public_class_and_function_is_called() -> None:
             thing = getattr(package, name)
             if callable(thing) and not isinstance(thing, type):  # at two doors, called at one
                 assert id(thing) in called, name
-    assert {"planner.Scene.moved", "baxter_kin.IKService.solve", "sim.load_recording"} <= names
+    assert {"planner.Scene.moved", "baxter_kin.IKService.solve", "sim.read_recording"} <= names
 
 
 def test_every_parameter_has_a_valid_value(tmp_path: Path) -> None:

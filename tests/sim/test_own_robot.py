@@ -26,10 +26,8 @@ from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
-from sim import Recorder, Recording, Simulation, World, load_recording, save_recording
+from sim import Recorder, Recording, Simulation, World, read_recording, save_recording
 from sim.errors import RecordingError, SimulationError
-from sim.recording.log_recorder import LogRecorder
-from sim.recording.reading.log_reading import read_log
 from sim.view.appearance import Appearance
 from sim.view.replay import replay_html
 from sim.view.scenegraph import RobotTree
@@ -112,21 +110,12 @@ def test_is_executed_recorded_and_replayed(
     own: Own, robot: Baxter, scene: Scene, tmp_path: Path
 ) -> None:
     recording = executed(own, scene)
-    save_recording(recording, tmp_path / "own.npz")
-    again = load_recording(tmp_path / "own.npz")
+    save_recording(recording, tmp_path / "own.mcap")
+    again = read_recording(tmp_path / "own.mcap").recording
     assert again.robot == own.robot.description.identity
     assert replay_html(again, own.robot, body=RobotBody.load())
     with pytest.raises(RecordingError):
         replay_html(again, robot)
-
-
-def test_a_log_says_which_robot_it_is_of(own: Own, scene: Scene, tmp_path: Path) -> None:
-    world = World(own.robot)
-    log = LogRecorder(tmp_path / "own.jsonl", own.robot, scene=scene)
-    Simulation(world, [log]).wait(0.1)
-    log.close()
-    found = read_log(tmp_path / "own.jsonl").recording
-    assert found.robot == own.robot.description.identity
 
 
 def test_a_plan_that_names_no_robot_is_judged_by_its_joints(own: Own) -> None:

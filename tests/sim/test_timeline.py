@@ -14,14 +14,13 @@ from planner import Body, Manipulator, State, make_block, plan_start_move
 from sim import (
     Event,
     EventKind,
-    LogRecorder,
     Observer,
     Outcome,
     Recorder,
     Simulation,
     Snapshot,
     World,
-    read_log,
+    read_recording,
 )
 from sim.timeline import Clock
 from tests.conftest import at
@@ -250,21 +249,10 @@ class TestBeginning:
     ) -> None:
         world = World(robot)
         world.spawn(table)
-        recorder, log = Recorder(robot), LogRecorder(tmp_path / "run.jsonl", robot)
-        simulation = Simulation(world, [recorder, log])
-        simulation.wait(0.05)
-        log.close()
-        for recording in (recorder.recording(), read_log(tmp_path / "run.jsonl").recording):
+        path = tmp_path / "run.mcap"
+        with Recorder(robot, path) as recorder:
+            Simulation(world, [recorder]).wait(0.05)
+        for recording in (recorder.recording(), read_recording(path).recording):
             assert set(recording.bodies) == {"table"}
             assert np.isfinite(recording.body_poses["table"]).all()
             assert recording.events == ()
-
-    def test_a_log_that_was_given_the_scene_has_it_once(
-        self, robot: Baxter, table: Body, tmp_path: Path
-    ) -> None:
-        world, path = World(robot), tmp_path / "run.jsonl"
-        world.spawn(table)
-        log = LogRecorder(path, robot, scene=world.scene)
-        Simulation(world, [log])
-        log.close()
-        assert path.read_text().count('{"body":') == 1

@@ -94,9 +94,9 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--csv x --dwell --noise-mm 1", "leave noise and --retries out"),
         ("--limits fast", "--limits: invalid choice: 'fast'"),
         ("--csv x --report x", "must go to different files"),
-        ("--csv x.npz --record x.npz", "must go to different files"),
-        ("--record run.txt", "--record: run.txt must end in one of .bag, .jsonl, .mcap, .npz"),
-        ("--record run.npz --forever", "with --forever use .jsonl"),
+        ("--csv x.csv --record x.csv", "must go to different files"),
+        ("--record run.txt", "--record: run.txt must end in one of .bag, .csv, .mcap"),
+        ("--record run.bag --forever", "with --forever use .mcap"),
         ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not from -10 to 10 m"),
         (
             "--add-pose 700 150 -129",
@@ -130,7 +130,7 @@ def test_wrong_usage_is_one_sentence_and_status_2(
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("suffix", [".jsonl", ".mcap", ".npz"])
+@pytest.mark.parametrize("suffix", [".bag", ".csv", ".mcap"])
 def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
     assert parse_options(["--record", str(path)]).record == path
@@ -144,7 +144,7 @@ def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
 def test_links_that_form_a_loop_are_no_output(
     tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    loop = tmp_path / "loop.npz"
+    loop = tmp_path / "loop.mcap"
     loop.symlink_to(loop)
     with pytest.raises(SystemExit) as stopped:
         parse_options([option, str(loop)])

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from sim import EventKind, read_log
+from sim import EventKind, read_recording
 
 DEMO = [sys.executable, "-m", "baxter_kin.demo"]
 DEADLINE_S = 300.0
@@ -114,14 +114,14 @@ def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
 
 
 def test_being_killed_leaves_the_recording_up_to_then(tmp_path: Path) -> None:
-    path = tmp_path / "run.jsonl"
+    path = tmp_path / "run.mcap"
     command = [*DEMO, "--headless", "--forever", "--record", str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         read_until(process, "cycle 2")
         process.kill()
         process.communicate(timeout=DEADLINE_S)
-    found, notes = read_log(path)
-    assert "the run was cut short" in notes[-1]
+    found, notes = read_recording(path)
+    assert "the file was cut short" in notes[-1]
     assert any(event.kind is EventKind.RELEASED for event in found.events)
 
 

@@ -1,4 +1,4 @@
-"""Recorder: from snapshots and events to data."""
+"""Recorder: from snapshots and events to data, of simulations and of plans."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, quaternion_xyzw
-from baxter_kin.json_data import from_json, to_json
-from baxter_kin.json_text import as_text, from_text
-from planner import Body, Manipulator, plan_start_move
-from sim import (
-    CsvRecorder,
-    Event,
-    EventKind,
-    LogRecorder,
-    McapRecorder,
-    Recorder,
-    Recording,
-    Simulation,
-    World,
+from baxter_kin.fields import evolve
+from planner import (
+    Body,
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    Scene,
+    plan_pick_and_place,
+    plan_start_move,
 )
+from planner.scene.bodies import Attachment
+from sim import EventKind, Recorder, Recording, Simulation, World, read_recording
 from sim.errors import RecordingError
-from sim.recording.recorder import StoredEvent
+from sim.recording.recorder import planned_recording
+from tests.conftest import overhead
+
+JOINT_RAD = 1e-9
 
 
 @pytest.fixture
@@ -158,63 +157,106 @@ def test_a_number_to_keep_that_is_none_is_refused(robot: Baxter, keep: Any) -> N
         Recorder(robot, keep=keep)
 
 
-@pytest.mark.parametrize("bad", [None, "robot", 5])
-def test_what_is_no_robot_or_scene_is_refused(robot: Baxter, tmp_path: Path, bad: Any) -> None:
-    with pytest.raises(RecordingError, match="robot"):
-        Recorder(bad)
-    with pytest.raises(RecordingError, match="robot"):
-        CsvRecorder(tmp_path / "run.csv", bad)
-    with pytest.raises(RecordingError, match="scene"):
-        Recorder(robot).remember(bad)
+@pytest.mark.parametrize("bad", [None, "robot", 5, {}])
+def test_other_types_are_refused(robot: Baxter, tmp_path: Path, bad: Any) -> None:
+    for options in ((), (tmp_path / "run.mcap",)):
+        with pytest.raises(RecordingError, match="robot must be of class Baxter"):
+            Recorder(bad, *options)
+    recorder: Any = Recorder(robot)
+    for method, what in (
+        (recorder.remember, "scene"),
+        (recorder.on_start, "state"),
+        (recorder.on_snapshot, "snapshot"),
+        (recorder.on_event, "event"),
+        (recorder.on_sample, "sample"),
+    ):
+        with pytest.raises(RecordingError, match=f"{what} must be of class"):
+            method(bad)
 
 
-@pytest.mark.parametrize("told", [None, 5, "event", {}], ids=str)
-@pytest.mark.parametrize("kind", [Recorder, CsvRecorder, LogRecorder, McapRecorder])
-def test_what_is_no_event_and_no_snapshot_is_refused(
-    robot: Baxter, tmp_path: Path, kind: Any, told: Any
+def test_bodies_that_are_remembered_have_poses(robot: Baxter, table: Body, tmp_path: Path) -> None:
+    world, path = World(robot), tmp_path / "run.mcap"
+    with Recorder(robot, path) as recorder:
+        simulation = Simulation(world, [recorder])
+        world.spawn(table)  # without the simulation
+        simulation.wait(0.02)
+        recorder.remember(world.scene)
+    for recording in (recorder.recording(), read_recording(path).recording):
+        assert np.isfinite(recording.body_poses["table"][1:]).all()
+
+
+@pytest.fixture(scope="module")
+def plan(manipulator: Manipulator, table: Body, block: Body) -> Plan:
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    return plan_pick_and_place(task, manipulator, Scene.of([table, block]), manipulator.arm.start)
+
+
+def test_a_plan_of_moves_goes_from_start_to_goal(manipulator: Manipulator, table: Body) -> None:
+    arm = manipulator.arm
+    plan = plan_start_move(manipulator, Scene.of([table]), arm.neutral, arm.start)
+    recording = planned_recording(plan)
+    index = [recording.joint_names.index(name) for name in arm.joint_names]
+    assert np.abs(recording.q[0, index] - plan.q_start).max() < JOINT_RAD
+    assert np.abs(recording.q[-1, index] - arm.start).max() < JOINT_RAD
+    assert recording.duration_s == pytest.approx(plan.motion_time_s)
+    assert list(recording.bodies) == ["table"]
+
+
+def test_the_block_is_grasped_carried_and_let_go_where_planned(plan: Plan, robot: Baxter) -> None:
+    recording = planned_recording(plan, robot)
+    kinds = [event.kind for event in recording.events]
+    assert kinds.count(EventKind.GRASPED) == kinds.count(EventKind.RELEASED) == 1
+    begin = plan.start.scene["block"].T_base_body.translation
+    track = recording.body_poses["block"]
+    assert track[0, :3] == pytest.approx(begin)
+    assert track[-1, :3] - begin == pytest.approx([0.05, -0.15, 0.0], abs=2e-3)
+
+
+def test_everything_begins_exactly_where_the_plan_has_it(plan: Plan, robot: Baxter) -> None:
+    recording = planned_recording(plan, robot)
+    own = robot.arm("left").joint_names
+    for name, value in plan.start.joints.items():
+        if name not in own and "finger" not in name:
+            assert recording.q[0, recording.joint_names.index(name)] == pytest.approx(value)
+    table = plan.start.scene["table"].T_base_body.translation
+    assert recording.body_poses["table"][0, :3] == pytest.approx(table)
+
+
+def test_what_is_held_first_is_in_the_hand(plan: Plan, robot: Baxter, block: Body) -> None:
+    arm, state = robot.arm("left"), plan.start
+    T_base_tip = arm.T_base_tip(plan.q_start)
+    in_hand = Attachment("block", "left_gripper", overhead(0.0, 0.0, 0.0))
+    scene = state.scene.without("block").with_body(block.at(T_base_tip * in_hand.T_link_body))
+    laden = evolve(
+        plan,
+        steps=plan.steps[:1] if not hasattr(plan.steps[0], "action") else plan.moves[:1],
+        start=evolve(state, scene=scene, attachments=(in_hand,)),
+    )
+    recording = planned_recording(laden, robot)
+    T_goal = arm.T_base_tip(plan.moves[0].trajectory.q_goal) * in_hand.T_link_body
+    assert recording.body_poses["block"][-1, :3] == pytest.approx(T_goal.translation)
+
+
+def test_an_invalid_plan_is_refused_with_its_failure(
+    manipulator: Manipulator, table: Body, block: Body
 ) -> None:
-    recorder: Any = kind(robot) if kind is Recorder else kind(tmp_path / "file", robot)
-    with pytest.raises(RecordingError, match="snapshot must be of class Snapshot"):
-        recorder.on_snapshot(told)
-    if kind is not CsvRecorder:  # it has no place for events
-        with pytest.raises(RecordingError, match="event must be of class Event"):
-            recorder.on_event(told)
-    if kind is not Recorder:
-        recorder.close()
+    far = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(3.0, 0.0, -0.129))
+    scene = Scene.of([table, block])
+    refused = plan_pick_and_place(far, manipulator, scene, manipulator.arm.start)
+    assert refused.failure is not None
+    with pytest.raises(RecordingError) as error:
+        planned_recording(refused)
+    assert str(refused.failure) in str(error.value)
 
 
-@given(
-    st.floats(-1e30, 1e30),
-    st.sampled_from(EventKind),
-    st.text(),
-    st.none() | st.text(),
-    st.sampled_from([None, "left", "right"]),
-)
-def test_an_event_comes_back_to_the_bit(
-    time_s: float, kind: EventKind, text: str, body: str | None, side: str | None
-) -> None:
-    event = StoredEvent(time_s, kind, text, body, side)
-    line = as_text(to_json(event, StoredEvent, "event", RecordingError), RecordingError)
-    assert line.isascii()
-    assert "\n" not in line
-    data = from_text(line, RecordingError)
-    assert from_json(data, StoredEvent, "event", RecordingError) == event
+def test_the_plan_of_another_robot_is_refused(plan: Plan) -> None:
+    other = Baxter.load(hands={"right": None})
+    with pytest.raises(RecordingError, match="for another robot"):
+        planned_recording(plan, other)
 
 
-def test_of_a_body_the_name_is_kept(block: Body) -> None:
-    event = Event(1.0, EventKind.GRASPED, "block grasped", "right", body=block)
-    stored = StoredEvent.of(event)
-    assert (stored.body, stored.side) == ("block", "right")
-    assert stored.event({"block": block}).body is block
-
-
-def test_an_event_kept_without_a_side_is_read() -> None:
-    data: Any = {"time_s": 1.0, "kind": "GRASPED", "text": "block grasped", "body": None}
-    read = from_json(data, StoredEvent, "event", RecordingError)
-    assert (read.side, read.body) == (None, None)
-
-
-@pytest.mark.parametrize("time_s", [float("nan"), float("inf"), "1", None, True])
-def test_what_has_no_place_in_a_file_is_refused(time_s: Any) -> None:
-    with pytest.raises(RecordingError, match=r"cannot be saved: event\.time_s"):
-        to_json(StoredEvent(time_s, EventKind.ENABLED, ""), StoredEvent, "event", RecordingError)
+def test_the_world_of_a_simulation_stays_as_it_is(plan: Plan, robot: Baxter) -> None:
+    world = World(robot)
+    before = world.q
+    planned_recording(plan, robot)
+    assert np.array_equal(world.q, before)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from planner import Plan, save_plan
+from sim import read_recording
 from sim.ros1.node import Node
 from tests.sim.ros1.execution.conftest import demo_plan  # noqa: F401 - a fixture
 from tests.sim.ros1.processes import until
@@ -87,7 +88,7 @@ def moving(
     robot, uri = robot_process
     command = Command(
         tmp_path / "execute.log",
-        *("sim.ros1.execute", str(plan_file), "--yes", "--record", str(tmp_path / "kept.jsonl")),
+        *("sim.ros1.execute", str(plan_file), "--yes", "--record", str(tmp_path / "kept.mcap")),
         uri=uri,
     )
     try:
@@ -168,7 +169,7 @@ def test_a_condition_that_does_not_hold_is_told_once(
         ["sim.ros1.execute", "plan.json", "--settled-error-rad", "0.01"],
         ["sim.ros1.execute", "plan.json", "--despite-lag"],
         ["sim.ros1.execute", "plan.json", "--dry-run", "--csv", "a.csv"],
-        ["sim.ros1.execute", "plan.json", "--dry-run", "--record", "a.jsonl"],
+        ["sim.ros1.execute", "plan.json", "--dry-run", "--record", "a.mcap"],
         ["sim.ros1.check", "--output", "a.json"],
         ["sim.ros1.check", "--yes"],
         ["sim.ros1.mirror", "--port", "0"],
@@ -251,7 +252,7 @@ def test_a_robot_that_is_killed_is_told_of_within_seconds(
     command.says("connection to the robot is lost|ms old", SAID_S)
     assert time.monotonic() - killed_s < SAID_S
     assert command.status() == 1
-    assert '"sample"' in (tmp_path / "kept.jsonl").read_text()
+    assert read_recording(tmp_path / "kept.mcap").recording.samples
 
 
 def test_an_execution_that_is_killed_is_told_of_by_the_robot_and_kept(
@@ -260,7 +261,7 @@ def test_an_execution_that_is_killed_is_told_of_by_the_robot_and_kept(
     robot, command, _ = moving
     command.process.kill()
     robot.says("/baxter_kin is gone without having unregistered", SAID_S)
-    assert '"sample"' in (tmp_path / "kept.jsonl").read_text()
+    assert read_recording(tmp_path / "kept.mcap").recording.samples
 
 
 def test_a_second_execution_is_refused_and_the_first_goes_on(

@@ -10,7 +10,7 @@ from baxter_kin.fields import evolve
 from planner import Body, Plan
 from planner.collision.robot.robot_body import RobotBody
 from sim.events import EventKind
-from sim.recording.planned_recording import planned_recording
+from sim.recording.recorder import planned_recording
 from sim.recording.recording import Recording
 from sim.view.clearance import (
     MAX_SAMPLES,

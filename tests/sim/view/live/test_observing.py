@@ -24,7 +24,7 @@ from planner import (
     plan_joint_move,
     plan_start_move,
 )
-from sim import Event, EventKind, Recording, Simulation, Snapshot, Viewer, World, retell
+from sim import Event, EventKind, Recording, Simulation, Snapshot, Viewer, World, play_back
 from sim.errors import RecordingError, ViewerError
 from sim.view.live.pacing import Pacing
 from sim.view.live.shown_run import MIN_FRAME_S, ShownRun
@@ -170,7 +170,7 @@ def test_the_same_time_twice_is_no_trouble(viewer: Viewer, robot: Baxter) -> Non
 
 
 def test_a_recording_told_again_is_shown(viewer: Viewer, page: Page, recording: Recording) -> None:
-    retell(recording, viewer)
+    play_back(recording, viewer)
     page.wait_until(lambda page: "/bodies/table/0" in page.drawn)
     assert set(viewer._run.recording().bodies) >= {"table"}
 

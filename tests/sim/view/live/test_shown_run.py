@@ -13,9 +13,8 @@ from baxter_kin.fields import evolve
 from planner import Plan, Scene
 from planner.state import State
 from sim.events import Event, Observer, Snapshot
-from sim.recording.planned_recording import planned_recording
-from sim.recording.playback import retell
-from sim.recording.recording import Recording
+from sim.recording.recorder import planned_recording
+from sim.recording.recording import Recording, play_back
 from sim.view.clearance import recorded_clearance
 from sim.view.live.shown_run import ShownRun
 from sim.view.panel import waypoints
@@ -60,7 +59,7 @@ def shown(plan: Plan, robot: Baxter) -> Recording:
 @pytest.fixture(scope="module")
 def page(shown: Recording, robot: Baxter) -> Page:
     page = Page(robot)
-    retell(shown, page)
+    play_back(shown, page)
     return page
 
 
@@ -134,7 +133,7 @@ def test_the_clearance_comes_some_ten_times_a_second(page: Page, shown: Recordin
 
 def test_bodies_that_no_event_reported_are_no_trouble(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(evolve(shown, events=shown.events[1:]), page)
+    play_back(evolve(shown, events=shown.events[1:]), page)
     page.on_start(State(Scene({}), {}))
     page.on_snapshot(Snapshot(100.0, shown.q[0], {"block": pin.SE3.Identity()}, _grippers(), ""))
     page.on_snapshot(Snapshot(101.0, shown.q[-1], {"block": pin.SE3.Identity()}, _grippers(), ""))
@@ -143,7 +142,7 @@ def test_bodies_that_no_event_reported_are_no_trouble(shown: Recording, robot: B
 
 def test_what_no_move_explains_is_shown_by_differences(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(evolve(shown, moves=(), events=()), page)
+    play_back(evolve(shown, moves=(), events=()), page)
     motion = shown.motion("left")
     at = {float(time_s): row for row, time_s in enumerate(motion.times_s)}
     for state in page.all_of("state"):
@@ -155,7 +154,7 @@ def test_what_no_move_explains_is_shown_by_differences(shown: Recording, robot: 
 
 def test_a_still_arm_has_no_velocity(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(shown, page)
+    play_back(shown, page)
     last = page.last("state")["time"]
     after = Snapshot(last + 1.0, shown.q[-1], {}, _grippers(), "")
     page.on_snapshot(evolve(after, time_s=last + 2.0))
@@ -167,9 +166,9 @@ def test_a_still_arm_has_no_velocity(shown: Recording, robot: Baxter) -> None:
 
 def test_a_new_run_begins_with_nothing(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(shown, page)
+    play_back(shown, page)
     page.sent.clear()
-    retell(shown, page)
+    play_back(shown, page)
     assert len(page.sent[0]["waypoints"]) == 1
     assert len(page.last("waypoints")) == len(shown.moves)
 

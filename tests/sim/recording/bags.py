@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag1 import Writer
+from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from baxter_kin import Baxter
@@ -21,7 +21,11 @@ ARMS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS
 EPOCH_S = 1_469_000_000
 """Some day of 2016."""
 
+NEUTRAL = dict(zip(ARMS, 2 * (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0), strict=True))
+FINGERS = ("l_gripper_l_finger_joint", "l_gripper_r_finger_joint")
+
 JOINT_STATE, GRIPPER_STATE = "sensor_msgs/msg/JointState", "baxter_core_msgs/msg/EndEffectorState"
+JOINT_COMMAND = "baxter_core_msgs/msg/JointCommand"
 
 GRIPPER_TEXT = """
 uint8 STATE_FALSE=0
@@ -51,6 +55,7 @@ uint32 command_sequence
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 STORE.register(get_types_from_msg(GRIPPER_TEXT, GRIPPER_STATE))
+STORE.register(get_types_from_msg("int32 mode\nfloat64[] command\nstring[] names\n", JOINT_COMMAND))
 
 
 class Sent(NamedTuple):
@@ -64,11 +69,17 @@ class Sent(NamedTuple):
 
 def failure_of(read: Callable[[Path, Baxter], NotedRecording], path: Path, robot: Baxter) -> str:
     """Why a file is not read; empty when it is."""
+    return tried(read, path, robot)[0]
+
+
+def tried(
+    read: Callable[[Path, Baxter], NotedRecording], path: Path, robot: Baxter
+) -> tuple[str, NotedRecording | None]:
+    """Why a file is not read, or what is read."""
     try:
-        read(path, robot)
+        return "", read(path, robot)
     except RecordingError as error:
-        return str(error)
-    return ""
+        return str(error), None
 
 
 def state(
@@ -99,6 +110,19 @@ def gripper(time_s: float, side: str, percent: float) -> Sent:
     return Sent(stamp_ns, f"/robot/end_effector/{side}_gripper/state", GRIPPER_STATE, data)
 
 
+def of_baxter(seconds: float = 1.0, start_s: float = EPOCH_S) -> list[Sent]:
+    """Joints at 100 Hz, fingers at 38 Hz, as a real Baxter has them; left_s0 goes at 0.2 rad/s."""
+    sent = [
+        state(start_s + 0.01 * i, {"head_pan": 0.1, **NEUTRAL, "left_s0": 0.002 * i, "torso_t0": 0})
+        for i in range(round(100 * seconds))
+    ]
+    sent += [
+        state(start_s + 0.004 + i / 38.0, {FINGERS[0]: 0.01, FINGERS[1]: -0.01})
+        for i in range(round(38 * seconds))
+    ]
+    return sorted(sent)
+
+
 def write_bag(path: Path, sent: Iterable[Sent], compression: str = "none") -> Path:
     """A bag of format 2.0."""
     path.unlink(missing_ok=True)
@@ -113,6 +137,15 @@ def write_bag(path: Path, sent: Iterable[Sent], compression: str = "none") -> Pa
                 connections[key] = writer.add_connection(*key, typestore=STORE)
             writer.write(connections[key], message.time_ns, message.data)
     return path
+
+
+def commands(path: Path) -> list[Any]:
+    """The set-points in a bag."""
+    with Reader(path) as reader:
+        wanted = [each for each in reader.connections if each.msgtype == JOINT_COMMAND]
+        return [
+            STORE.deserialize_ros1(data, JOINT_COMMAND) for _, _, data in reader.messages(wanted)
+        ]
 
 
 def write_mcap(path: Path, sent: Iterable[Sent], compression: str = "none") -> Path:

@@ -1,4 +1,4 @@
-"""Bags and MCAP files of a real Baxter: messages of several publishers make one recording."""
+"""Joints that a real Baxter reported: merged to one recording, or refused as none."""
 
 from __future__ import annotations
 
@@ -7,20 +7,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from baxter_kin import Baxter
-from sim import Recording, read_bag, read_mcap
+from baxter_kin import Arm, Baxter
+from sim import Recorder, Recording, play_back, plot_recording, read_recording
 from sim.errors import RecordingError
 from sim.recording import NotedRecording
-from tests.sim.recording.reading.bags import (
+from sim.recording.joint_states import MAX_LATENESS_S, MAX_SPEED_RAD_S, SPEED_FACTOR
+from sim.view.replay import write_replay
+from tests.sim.recording.bags import (
     ARMS,
     EPOCH_S,
+    FINGERS,
     JOINTS,
+    NEUTRAL,
     Sent,
     gripper,
+    of_baxter,
     state,
     write_bag,
     write_mcap,
@@ -32,9 +39,6 @@ STAMP_S = 1.1e-9
 FLOAT32 = 1e-6
 """Grippers are told in single precision, relative."""
 
-NEUTRAL = dict(zip(ARMS, 2 * (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0), strict=True))
-FINGERS = ("l_gripper_l_finger_joint", "l_gripper_r_finger_joint")
-
 
 @pytest.fixture(params=["bag", "mcap"])
 def read(request: pytest.FixtureRequest, robot: Baxter, tmp_path: Path) -> Read:
@@ -43,23 +47,10 @@ def read(request: pytest.FixtureRequest, robot: Baxter, tmp_path: Path) -> Read:
 
     def written_and_read(sent: list[Sent], **options: Any) -> NotedRecording:
         if request.param == "bag":
-            return read_bag(write_bag(path, sent), robot, **options)
-        return read_mcap(write_mcap(path, sent), robot, **options)
+            return read_recording(write_bag(path, sent), robot, **options)
+        return read_recording(write_mcap(path, sent), robot, **options)
 
     return written_and_read
-
-
-def of_baxter(seconds: float = 1.0, start_s: float = EPOCH_S) -> list[Sent]:
-    """Joints at 100 Hz, fingers at 38 Hz, as a real Baxter has them; left_s0 goes at 0.2 rad/s."""
-    sent = [
-        state(start_s + 0.01 * i, {"head_pan": 0.1, **NEUTRAL, "left_s0": 0.002 * i, "torso_t0": 0})
-        for i in range(round(100 * seconds))
-    ]
-    sent += [
-        state(start_s + 0.004 + i / 38.0, {FINGERS[0]: 0.01, FINGERS[1]: -0.01})
-        for i in range(round(38 * seconds))
-    ]
-    return sorted(sent)
 
 
 def column(recording: Recording, name: str) -> Any:
@@ -219,7 +210,7 @@ def test_each_joint_keeps_its_last_value_until_it_is_named_again(
             seen.add((tick, frozenset(values)))
             known.update(values)
         expected[tick] = [known[f"left_{name}"] for name in JOINTS]
-    found = read_bag(path, robot).recording
+    found = read_recording(path, robot).recording
     assert found.times_s == pytest.approx([1.0 + 0.01 * tick for tick in expected], abs=STAMP_S)
     assert found.motion("left").q.tolist() == list(expected.values())
 
@@ -274,3 +265,143 @@ def test_one_message_that_is_not_finite_is_left_out_and_the_others_are_read(read
     assert np.isfinite(found.q).all()
     (note,) = [note for note in notes if "finite" in note]
     assert note.startswith("1 message with a position that is not finite, the first on /robot/")
+
+
+Table = NDArray[np.float64]
+
+TUCKED_S1 = -2.147 - 0.034
+"""Where s1 of a tucked arm of a real Baxter stood, rad."""
+
+
+def written(path: Path, times: Any, q: Table, side: str = "left") -> Path:
+    """A file of one arm; q has shape (n, 7)."""
+    names = [f"{side}_{joint}" for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
+    rows = [[time, *row] for time, row in zip(times, np.asarray(q).tolist(), strict=True)]
+    lines = [",".join(["time", *names]), *(",".join(f"{x:.9f}" for x in row) for row in rows)]
+    path.write_text("".join(f"{line}\n" for line in lines))
+    return path
+
+
+def swing(arm: Arm, n: int = 200) -> Table:
+    """A motion between neutral and the start pose, shape (n, 7)."""
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, n))[:, None]
+    motion: Table = (1.0 - share) * arm.neutral + share * arm.start
+    return motion
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "real.csv"
+
+
+class TestTucked:
+    """An arm a little outside its limits keeps its true values, and everything shows it."""
+
+    @pytest.fixture
+    def q(self, robot: Baxter) -> Table:
+        q = np.tile(robot.arm("left").neutral, (5, 1))
+        q[:, 1] = TUCKED_S1
+        return q
+
+    def test_it_is_read_and_said(self, robot: Baxter, path: Path, q: Table) -> None:
+        found, notes = read_recording(written(path, 0.01 * np.arange(5), q), robot)
+        np.testing.assert_allclose(found.motion("left").q, q, atol=1e-9)
+        assert (
+            "left_s1 was outside its limits -2.147 .. 1.047 rad in 5 rows, by up to 0.034 rad"
+            in notes
+        )
+
+    def test_it_can_be_shown_played_back_written_and_drawn(
+        self, robot: Baxter, path: Path, q: Table
+    ) -> None:
+        found = read_recording(written(path, 0.01 * np.arange(5), q), robot).recording
+        with Recorder(robot, path.with_suffix(".mcap")) as recorder:
+            play_back(found, recorder)
+        np.testing.assert_array_equal(recorder.recording().q, found.q)
+        write_replay(path.with_suffix(".html"), found, robot)
+        plot_recording(found)
+
+
+class TestContinuity:
+    """Between two rows a joint moves no farther than a Baxter can."""
+
+    def test_a_real_motion_is_read(self, robot: Baxter, path: Path) -> None:
+        q = swing(robot.arm("left"))
+        found = read_recording(written(path, 0.01 * np.arange(len(q)), q), robot).recording
+        np.testing.assert_allclose(found.motion("left").q, q, atol=1e-9)
+
+    @given(st.data())
+    def test_stalls_late_stamps_and_double_rows_are_read(
+        self, robot: Baxter, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+    ) -> None:
+        """A recorder that writes late: the joints went on meanwhile, at their full speed."""
+        n = 100
+        late = np.array(data.draw(st.lists(st.floats(0.0, MAX_LATENESS_S), min_size=n, max_size=n)))
+        kept = np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
+        kept[0] = True
+        true_s = 0.01 * np.arange(n)
+        stamps = np.maximum.accumulate(true_s + late)
+        q = np.tile(robot.arm("left").neutral, (n, 1))
+        q[:, 0] = -1.5 + 2.0 * true_s  # at the robot's own maximum
+        path = tmp_path_factory.getbasetemp() / "late.csv"
+        found = read_recording(written(path, stamps[kept], q[kept]), robot).recording
+        assert len(found.times_s) <= kept.sum()
+
+    @given(st.integers(0, 6), st.integers(1, 198), st.floats(0.001, 5.0))
+    def test_a_jump_is_refused_with_joint_and_line_and_one_in_time_is_not(
+        self,
+        robot: Baxter,
+        tmp_path_factory: pytest.TempPathFactory,
+        joint: int,
+        row: int,
+        pause_s: float,
+    ) -> None:
+        path, arm = tmp_path_factory.getbasetemp() / "jump.csv", robot.arm("left")
+        name = arm.joint_names[joint]
+        farthest = SPEED_FACTOR * MAX_SPEED_RAD_S[name[5]] * (pause_s + MAX_LATENESS_S)
+        q, times = np.tile(arm.neutral, (200, 1)), 0.01 * np.arange(200)
+        times[row:] += pause_s - 0.01
+        middle = 0.5 * (arm.limits.q_min + arm.limits.q_max)[joint]
+        most = (arm.limits.q_max - arm.limits.q_min)[joint]
+        for jump, is_read in ((0.999 * farthest, True), (1.001 * farthest, False)):
+            if jump > most:
+                continue
+            q[:row, joint], q[row:, joint] = middle - 0.5 * jump, middle + 0.5 * jump
+            written(path, times, q)
+            if is_read:
+                read_recording(path, robot)
+            else:
+                with pytest.raises(RecordingError, match=f"line {row + 2}: {name} moves by "):
+                    read_recording(path, robot)
+
+
+class TestEndpointPoses:
+    """Poses of the end point under the joints' names."""
+
+    @pytest.mark.parametrize("side", ["left", "right"])
+    def test_they_are_refused(self, robot: Baxter, path: Path, side: str) -> None:
+        """A motion whose every number is inside the limits of the joint above it, and smooth."""
+        arm = robot.arm(side)
+        quarter = 0.75 * arm.neutral + 0.25 * swing(arm)
+        table = np.array([pin.SE3ToXYZQUAT(arm.T_base_tip(q)) for q in quarter])
+        table[:, 3:] *= np.sign(table[:1, 3])
+        low, high = arm.limits.q_min, arm.limits.q_max
+        assert ((table > low) & (table < high)).all()
+        assert np.abs(np.diff(table, axis=0)).max() < 0.1
+        times = 0.01 * np.arange(len(table))
+        with pytest.raises(RecordingError, match=f"columns of the {side} arm are poses"):
+            read_recording(written(path, times, table, side), robot)
+
+    def test_angles_of_the_end_point_that_wrap_are_refused(self, robot: Baxter, path: Path) -> None:
+        arm = robot.arm("left")
+        table = swing(arm)
+        table[:, 4] = np.where(np.arange(200) < 100, 3.05, -3.05)
+        with pytest.raises(RecordingError, match=r"line 102: left_w0 moves by 6\.1 rad in 0\.01"):
+            read_recording(written(path, 0.01 * np.arange(200), table), robot)
+
+    def test_joints_that_happen_to_have_length_one_while_they_stand_are_read(
+        self, robot: Baxter, path: Path
+    ) -> None:
+        q = np.tile([0.1, 0.2, 0.3, 0.5, 0.5, 0.5, 0.5], (10, 1))
+        q[:, 0] += 0.001 * np.arange(10)
+        assert read_recording(written(path, 0.01 * np.arange(10), q), robot)

@@ -1,1 +1,0 @@
-"""Recordings read from files, also those of real robots."""

@@ -1,1 +1,0 @@
-"""Recordings as files of ROS 1 messages."""
