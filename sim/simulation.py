@@ -145,7 +145,7 @@ class Simulation(OneLine):
         for step in plan:
             self._timeline.caption = f"{title}{step.label}"
             is_proven = is_certified and is_as_stated(self.world, step)
-            failure = self._do(plan.limb, step, checks=self._checks_contacts and not is_proven)
+            failure = self._do(step, checks=self._checks_contacts and not is_proven)
             if failure is not None:
                 break
         return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
@@ -177,42 +177,34 @@ class Simulation(OneLine):
         if any(isinstance(step, Grip) for step in plan):
             self.world.hand(plan.limb)
 
-    def _do(self, limb: str, step: Step, *, checks: bool) -> str | None:
-        """Execute one step; returns why it failed, or None.
-
-        Args:
-            limb: the arm.
-            step: a move or a gripper action.
-            checks: whether to check it for contacts.
-        """
+    def _do(self, step: Step, *, checks: bool) -> str | None:
+        """Execute one step, checked for contacts or not; returns why it failed, or None."""
         if isinstance(step, Move):
-            return self._move(limb, step, checks)
-        if step.action is GripperAction.CLOSE:
-            return self._close(limb, step)
-        return self._open(limb, step, checks)
+            return self._move(step, checks)
+        return self._close(step) if step.action is GripperAction.CLOSE else self._open(step, checks)
 
-    def _move(self, limb: str, move: Move, checks: bool) -> str | None:
-        timeline, begin_s = self._timeline, self.time_s
+    def _move(self, move: Move, checks: bool) -> str | None:
+        timeline, limb, begin_s = self._timeline, move.limb, self.time_s
         timeline.notify(EventKind.MOVE_STARTED, timeline.caption, limb, move=move)
         for contact in self._watch.along(limb, move.trajectory) if checks else ():
-            self._follow(limb, move, begin_s, contact.free_s if contact.stops else contact.time_s)
+            self._follow(move, begin_s, contact.free_s if contact.stops else contact.time_s)
             self._hit(limb, contact)
             if contact.stops:
                 return f"{move.label}: {stop_text(contact, limb)}"
-        self._follow(limb, move, begin_s, move.trajectory.duration)
+        self._follow(move, begin_s, move.trajectory.duration)
         return None
 
-    def _follow(self, limb: str, move: Move, begin_s: float, end_s: float) -> None:
+    def _follow(self, move: Move, begin_s: float, end_s: float) -> None:
         """Follow a move that began at a time, until so long after."""
         duration_s = begin_s + end_s - self.time_s
         ticks = self._timeline.ticks_until(self.time_s + duration_s)
         times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
-        path = iter(move.trajectory.sample(times).q)
+        path, limb = iter(move.trajectory.sample(times).q), move.limb
         self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
 
-    def _close(self, limb: str, grip: Grip) -> str | None:
+    def _close(self, grip: Grip) -> str | None:
         """Close the fingers on what is between the pads, which push it on their way."""
-        gripper, timeline = self.grippers[limb], self._timeline
+        gripper, timeline, limb = self.grippers[grip.limb], self._timeline, grip.limb
         closing = gripper.closing(grip.body)
         self._slide(
             limb,
@@ -229,11 +221,11 @@ class Simulation(OneLine):
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
         return None
 
-    def _open(self, limb: str, grip: Grip, checks: bool) -> str | None:
+    def _open(self, grip: Grip, checks: bool) -> str | None:
         """Open the fingers, while what they release falls to its rest."""
-        timeline, world = self._timeline, self.world
+        timeline, world, limb = self._timeline, self.world, grip.limb
         name = self.grippers[limb].release()
-        finger_m, failure = self._opening(limb, grip, checks)
+        finger_m, failure = self._opening(grip, checks)
         if name is None:
             self._slide(limb, finger_m)
             timeline.opened(limb)
@@ -248,9 +240,9 @@ class Simulation(OneLine):
         timeline.pass_s(self._dwell.after_release_s)
         return failure
 
-    def _opening(self, limb: str, grip: Grip, checks: bool) -> tuple[float, str | None]:
-        """How far the fingers open, and why no farther."""
-        begin_m = self.world.finger_m(limb)
+    def _opening(self, grip: Grip, checks: bool) -> tuple[float, str | None]:
+        """Finger position after opening, and why it is less than planned, or None."""
+        limb, begin_m = grip.limb, self.world.finger_m(grip.limb)
         end_m = self.grippers[limb].open_m if grip.opening_m is None else grip.opening_m
         for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S) if checks else ():
             self._hit(limb, contact)

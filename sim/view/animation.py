@@ -58,7 +58,7 @@ class Track:
         value = self.values[0].tolist()
         return set_property(self.path, self.key, bool(value[0]) if self.key == "visible" else value)
 
-    def lowered(self) -> Command:
+    def for_three_js(self) -> Command:
         """The track as three.js reads it."""
         values = self.values.reshape(-1)
         return {
@@ -92,10 +92,13 @@ def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Comma
     by_path: dict[str, list[Command]] = {}
     for track in tracks:
         if not track.is_constant:
-            by_path.setdefault(track.path, []).append(track.lowered())
+            by_path.setdefault(track.path, []).append(track.for_three_js())
     animations = [
-        {"path": path, "clip": {"name": path, "fps": 1, "duration": duration_s, "tracks": lowered}}
-        for path, lowered in by_path.items()
+        {
+            "path": path,
+            "clip": {"name": path, "fps": 1, "duration": duration_s, "tracks": for_three_js},
+        }
+        for path, for_three_js in by_path.items()
     ]
     options = {"play": False, "repetitions": 1}
     animation = {"type": "set_animation", "animations": animations, "options": options, "path": ""}

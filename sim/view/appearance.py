@@ -1,4 +1,4 @@
-"""What the robot looks like: coloured meshes hung on joints, from the asset next to this file.
+"""The robot's appearance: coloured meshes on joints, from the asset next to this file.
 
 The meshes are Rethink Robotics' (BSD-3-Clause; the notice is inside the asset), thinned out by
 `scripts/build_appearance.py`. They are kept as the graphics card takes them, small integers on a

@@ -143,7 +143,7 @@ class _Surroundings:
         return names
 
     def pairs_of(self, names: Collection[str]) -> Indices:
-        """Those of the pairs that some links or bodies belong to."""
+        """The pairs that some links or bodies belong to."""
         is_of = np.isin(self._names, list(names))
         pairs: Indices = self.pairs[is_of[self.checker.pairs[self.pairs]].any(axis=1)]
         return pairs
@@ -222,7 +222,7 @@ class ClearanceMeter:
     def _surroundings(
         self, side: str, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], hand: HandState
     ) -> _Surroundings:
-        """Those of an arm; made again when they have changed since the last call."""
+        """The surroundings of an arm; made again when they have changed since the last call."""
         held, robot, name = None, self._shapes.robot, hand.held
         arm = robot.arm(side)
         if name is not None and name in T_base_bodies:
@@ -332,9 +332,9 @@ def _hands_at(
 ) -> Iterator[dict[str, HandState]]:
     """The states of the hands at increasing times; events come before a move of the same time."""
     hands = Hands(_held_from_the_start(recording, robot))
-    story = [(event.time_s, partial(hands.on_event, event)) for event in recording.events]
-    story += [(move.start_s, partial(hands.on_move, move)) for move in recording.moves]
-    following = deque(sorted(story, key=lambda item: item[0]))
+    steps = [(event.time_s, partial(hands.on_event, event)) for event in recording.events]
+    steps += [(move.start_s, partial(hands.on_move, move)) for move in recording.moves]
+    following = deque(sorted(steps, key=lambda item: item[0]))
     for time_s in times_s:
         while following and following[0][0] <= time_s:
             following.popleft()[1]()

@@ -103,13 +103,13 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
     status, start_s = GripperStatus(), float(recording.times_s[0])
     timelines: dict[str, list[tuple[float, GripperPhase]]] = {side: [] for side in LIMBS}
     # an event comes after the snapshot of its own time
-    story: list[tuple[float, int, Event | dict[str, float]]] = [
+    steps: list[tuple[float, int, Event | dict[str, float]]] = [
         (event.time_s, 1, event) for event in recording.events if event.time_s >= start_s
     ]
     for time_s, row in zip(recording.times_s.tolist(), recording.gripper_percent, strict=True):
         percents = zip(LIMBS, row.tolist(), strict=True)
-        story.append((time_s, 0, {side: each for side, each in percents if side in fingered}))
-    for time_s, _, item in sorted(story, key=lambda each: each[:2]):
+        steps.append((time_s, 0, {side: each for side, each in percents if side in fingered}))
+    for time_s, _, item in sorted(steps, key=lambda each: each[:2]):
         if isinstance(item, Event):
             if time_s >= recording.times_s[-1]:
                 break

@@ -75,13 +75,13 @@ def material(rgb: Rgb, *, opacity: float = 1.0, gloss: float = 0.16) -> Command:
 
 
 def painted(*, gloss: float) -> Command:
-    """A lit surface in the colours of its geometry, which may have gaps to see through."""
+    """A lit surface in the colours of its geometry, which may be transparent."""
     white = material((1.0, 1.0, 1.0), gloss=gloss)
     return white | {"vertexColors": True, "transparent": True}
 
 
 def translucent(rgb: Rgb, opacity: float) -> Command:
-    """A lit surface to see through, which hides nothing behind it."""
+    """A lit translucent surface, which hides nothing behind it."""
     return material(rgb, opacity=opacity, gloss=0.0) | {"depthWrite": False}
 
 
@@ -119,7 +119,7 @@ def triangles(
 
 
 def tube(points: FloatArray, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
+    """A square prism along each segment of the line: vertices (8 n, 3) and faces (8 n, 3)."""
     along = np.diff(points, axis=0)
     upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
     helper = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
@@ -142,7 +142,7 @@ def compact(faces: NDArray[Any]) -> NDArray[Any]:
 
 
 def short_numbers(values: NDArray[Any], step: float) -> NDArray[np.float32]:
-    """The values rounded to a step, a power of two: their last bits are 0, which gzip likes."""
+    """The values rounded to a step, a power of two: their last bits are 0 and compress well."""
     return (np.round(values / step) * step).astype(np.float32)
 
 

@@ -124,40 +124,37 @@ def key_rows(motion: ArmMotion, limits: Command, until_s: float = np.inf) -> Ind
     return kept
 
 
-def recorded_waypoints(recording: Recording) -> list[Command]:
-    """The waypoint of each recorded move, in order; times in seconds from the start.
+def waypoints(
+    moves: Iterable[RecordedMove], zero_s: float, now_s: float, *, is_live: bool = False
+) -> list[Command]:
+    """The waypoints at the ends of moves, in order.
 
-    A move that was stopped ends where the next one of its arm begins.
-    """
-    zero_s, last_s = float(recording.times_s[0]), float(recording.times_s[-1])
-    moves = sorted(recording.moves, key=lambda move: move.start_s)
-    waypoints = []
-    for number, move in enumerate(moves):
-        later = [other.start_s for other in moves[number + 1 :] if other.limb == move.limb]
-        end_s = min([move.end_s, last_s, *later[:1]])
-        if end_s >= zero_s:
-            start_s = max(move.start_s, zero_s) - zero_s
-            waypoints.append(waypoint(move, start_s, end_s - zero_s))
-    return waypoints
-
-
-def waypoint(recorded: RecordedMove, start_s: float, end_s: float | None) -> Command:
-    """The waypoint at the end of a move.
-
-    Seed and errors are those of inverse kinematics, "" and None where it was not used.
+    Seed and errors are those of inverse kinematics, "" and None where it was not used. A move that
+    was stopped ends where the next one of its arm begins.
 
     Args:
-        recorded: the move.
-        start_s: when it begins, on the page's clock.
-        end_s: when it ends; None while it is under way.
+        moves: the moves.
+        zero_s: beginning of the page's clock; earlier moves are left out.
+        now_s: end of a recording, or the present.
+        is_live: whether moves that have not ended yet have no end.
     """
-    ik = recorded.ik
-    return {
-        "start": start_s,
-        "end": end_s,
-        "side": recorded.limb,
-        "label": recorded.label,
-        "seed": "" if ik is None else recorded.move.seed_label,
-        "position_error_m": None if ik is None else float(ik.position_error_m),
-        "orientation_error_rad": None if ik is None else float(ik.orientation_error_rad),
-    }
+    in_order = sorted(moves, key=lambda move: move.start_s)
+    found = []
+    for number, move in enumerate(in_order):
+        later = [other.start_s for other in in_order[number + 1 :] if other.limb == move.limb]
+        end_s = min([move.end_s, *later[:1]])
+        if end_s < zero_s:
+            continue
+        ik, is_open = move.ik, is_live and end_s > now_s
+        found.append(
+            {
+                "start": max(move.start_s, zero_s) - zero_s,
+                "end": None if is_open else min(end_s, now_s) - zero_s,
+                "side": move.limb,
+                "label": move.label,
+                "seed": "" if ik is None else move.move.seed_label,
+                "position_error_m": None if ik is None else float(ik.position_error_m),
+                "orientation_error_rad": None if ik is None else float(ik.orientation_error_rad),
+            }
+        )
+    return found

@@ -42,7 +42,7 @@ from sim.view.overlays import (
     moving_parts,
     nearest_command,
 )
-from sim.view.panel import recorded_arms, recorded_waypoints
+from sim.view.panel import recorded_arms, waypoints
 from sim.view.scenegraph import RobotTree, body_commands, stage_commands
 from sim.view.tip_path import PathPiece, recorded_paths
 from sim.view.webpage import page
@@ -186,7 +186,7 @@ def replay_content(
     compare: Recording | None = None,
     uncounted: Collection[str] = (),
 ) -> Command:
-    """What the page decodes: commands, the geometries they share, the story and the panel's data.
+    """What the page decodes: commands, their geometries, the timeline and the panel's data.
 
     Args:
         recording: what happened.
@@ -234,11 +234,11 @@ def replay_content(
         "geometries": shared_geometries(commands),
         "commands": commands,
         "duration": duration_s,
-        **_story(recording, phases, pieces),
+        **_timeline(recording, phases, pieces),
         "arms": recorded_arms(recording, robot),
         "clearance": clearance,
         "unmeasured": reason,
-        "waypoints": recorded_waypoints(recording),
+        "waypoints": waypoints(recording.moves, *recording.times_s[[0, -1]].tolist()),
         "layers": layers(
             {
                 "robot": tree.mesh_paths,
@@ -263,7 +263,7 @@ def _without(recording: Recording, names: Collection[str]) -> Recording:
     )
 
 
-def _story(
+def _timeline(
     recording: Recording,
     phases: Mapping[str, Sequence[tuple[float, GripperPhase]]],
     pieces: Mapping[str, PathPiece],

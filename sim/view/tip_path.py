@@ -123,10 +123,10 @@ def _key_points(points: FloatArray, segment_m: float) -> NDArray[np.intp]:
 
 
 MAX_PIECE_POINTS = 32
-"""A piece is sent again whenever it grows; a full one is followed by the next."""
+"""Maximum number of points of a piece, which is sent again whenever it grows."""
 
 MAX_PIECES = 24
-"""The oldest pieces vanish: some 10 m of line stay."""
+"""Maximum number of pieces, of which the latest stay: some 10 m of line."""
 
 
 class TipPath:

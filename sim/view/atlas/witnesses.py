@@ -113,7 +113,7 @@ def _different(pairs: Indices, q: FloatArray) -> tuple[Indices, Indices]:
 def _fail(
     reach_map: ReachMap, shown: ShownMap, which: Indices, q_near: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether, for each witness, a cell does not get its configuration back."""
+    """Whether each witness fails: a cell does not get its configuration back."""
     cells, rotations = shown.cells, reach_map.rotations
     fails = np.zeros(len(q_near), bool)
     for index, side in enumerate(reach_map.arms):

@@ -1,1 +1,1 @@
-"""The live view: what happens, in the browser, while it happens."""
+"""The live view: the robot and its surroundings in the browser, while the program runs."""

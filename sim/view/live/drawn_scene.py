@@ -122,7 +122,7 @@ class DrawnScene:
         removed = [command for name in gone for command in self.remove_body(name)]
         return removed + [command for body in new for command in self.add_body(body)]
 
-    def forget_run(self) -> list[Command]:
+    def clear_run(self) -> list[Command]:
         """Remove the lines that the tips have drawn, and the goals."""
         self._tip_paths = {side: TipPath(side) for side in self._robot.arms}
         self._goals = 0

@@ -4,7 +4,7 @@ A Tornado application runs in a daemon thread of this process, so it cannot outl
 listens on the loopback interface only. Requests under any other host name are refused, so that no
 web site can reach it by pointing its own name at this machine ("DNS rebinding").
 
-A slow browser, or none, delays nobody and costs no memory: only the newest message for each
+A slow browser, or none, delays no other and costs no memory: only the newest message for each
 property of each node is kept, never more than the scene has, and read in order they always give the
 present scene. What a page sends is JSON of a topic and a value, `["pause", true]` or
 `["speed", 0.5]`; everything else is ignored.
@@ -42,14 +42,14 @@ FIRST_PORT = 7000
 PORTS_TRIED = 20
 """By default, the first free port of this number from `FIRST_PORT` is taken, else any."""
 
-MAX_GOODBYE_S = 5.0
+MAX_FLUSH_S = 5.0
 """How long closing waits for browsers to receive what was shown last: a replay of 3 MB, which takes
 a moment on this machine and a few seconds over a slow line."""
 
-MAX_ORDER = 100
-"""Maximum length of a message from a page, characters."""
+MAX_REQUEST = 100
+"""Maximum length of a request from a page, characters."""
 
-_MAX_START_S, _MAX_CLOSING_S = 60.0, MAX_GOODBYE_S + 3.0
+_MAX_START_S, _MAX_CLOSING_S = 60.0, MAX_FLUSH_S + 3.0
 _PING_S = 60.0
 """Period at which a browser must show that it is still there, and its time to answer: one that
 draws without a graphics card answers late."""
@@ -193,9 +193,9 @@ class LiveServer(NotCopied):
         with self._changed:
             return self._browsers[browser].take_all() if browser in self._browsers else []
 
-    def on_order(self, message: str | bytes) -> None:
-        """Process what a page sent. In the server's thread."""
-        if self._pacing.keeps_time and obey(message, self._pacing):
+    def on_request(self, message: str | bytes) -> None:
+        """Process a request from a page. In the server's thread."""
+        if self._pacing.keeps_time and apply_request(message, self._pacing):
             self._publish_clock()
 
     def _put(self, commands: Iterable[Command], topics: Mapping[str, object]) -> None:
@@ -226,7 +226,7 @@ class LiveServer(NotCopied):
         started.set_result(IOLoop.current())
         await self._stop.wait()
         server.stop()
-        await asyncio.gather(*(browser.say_goodbye() for browser in list(self._browsers)))
+        await asyncio.gather(*(browser.flush_and_close() for browser in list(self._browsers)))
         await server.close_all_connections()
 
 
@@ -235,22 +235,22 @@ def _message(command: Command) -> tuple[str, str, str | bytes]:
     return command["path"], command.get("property") or command["type"], packed(command)
 
 
-def obey(message: str | bytes, pacing: Pacing) -> bool:
-    """Carry out an order from a page, if it is a valid one; returns whether it is.
+def apply_request(message: str | bytes, pacing: Pacing) -> bool:
+    """Carry out a request from a page, if it is valid; returns whether it is.
 
     Args:
         message: as it came.
         pacing: what to pause or to change the speed of.
     """
-    if not isinstance(message, str) or len(message) > MAX_ORDER:
+    if not isinstance(message, str) or len(message) > MAX_REQUEST:
         return False
     try:
-        order = json.loads(message)
+        request = json.loads(message)
     except (ValueError, RecursionError):
         return False
-    if not isinstance(order, list) or len(order) != 2:
+    if not isinstance(request, list) or len(request) != 2:
         return False
-    topic, value = order
+    topic, value = request
     if topic == "pause" and isinstance(value, bool):
         pacing.pause(value)
     elif topic == "speed" and type(value) in (int, float) and SPEEDS[0] <= value <= SPEEDS[1]:
@@ -310,8 +310,8 @@ class _Browser(_LocalHandler, WebSocketHandler):
         await self.send_waiting()
 
     def on_message(self, message: str | bytes) -> None:
-        """Forward an order."""
-        self._server.on_order(message)
+        """Forward a request."""
+        self._server.on_request(message)
 
     def on_close(self) -> None:
         """Leave the server."""
@@ -328,15 +328,15 @@ class _Browser(_LocalHandler, WebSocketHandler):
                     for message in messages:
                         await self.write_message(message, binary=isinstance(message, bytes))
 
-    async def say_goodbye(self) -> None:
+    async def flush_and_close(self) -> None:
         """Send the last messages, close, and wait until the browser has read them, or give up."""
         with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._finish(), MAX_GOODBYE_S)
+            await asyncio.wait_for(self._flush(), MAX_FLUSH_S)
         connection = self.ws_connection
         if connection is not None and connection.stream is not None:
             connection.stream.close()
 
-    async def _finish(self) -> None:
+    async def _flush(self) -> None:
         async with self._sending:
             pass  # earlier messages are under way
         await self.send_waiting()

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from sim.view.clearance import (
     Hands,
 )
 from sim.view.gripper_status import GripperPhase, GripperStatus, sides_with_fingers
-from sim.view.panel import MIN_MOVED_RAD, limits_of, waypoint
+from sim.view.panel import MIN_MOVED_RAD, limits_of, waypoints
 
 MIN_FRAME_S = 1.0 / 60.0
 """Minimum time between two frames that are sent."""
@@ -82,7 +81,8 @@ class ShownRun:
         self._meter: ClearanceMeter | None = None
         self._measured_s = -np.inf
         self._moving: tuple[str, ...] = ()
-        self._waypoints: deque[dict[str, Any]] = deque(maxlen=MAX_WAYPOINTS)
+        self._moves: deque[RecordedMove] = deque(maxlen=MAX_WAYPOINTS)
+        self._listed_until_s = -np.inf  # when a move ends, and the waypoints change
         self._seed, self._seed_until_s = "", 0.0
         self._next_frame_s = 0.0
         self._last: Snapshot | None = None
@@ -112,9 +112,8 @@ class ShownRun:
         if (move := recorded_move(event)) is not None:
             self._hands.on_move(move)
             self._arms[move.limb].on_move(move)
-            self._end_waypoints(move.start_s, side=move.limb)
-            self._waypoints.append(waypoint(move, move.start_s, None))
-            self._measured_s = -np.inf  # its first frame has a clearance
+            self._moves.append(move)
+            self._listed_until_s = self._measured_s = -np.inf  # its first frame has both
 
     def on_snapshot(self, snapshot: Snapshot, others: Mapping[str, Body] = _NO_BODIES) -> None:
         """Process a snapshot; `others` are further bodies that are drawn, where they are."""
@@ -140,7 +139,8 @@ class ShownRun:
         """What the page displays of a snapshot beside the picture, by topic.
 
         The seed is that of the move under way, "" between moves. `unmeasured` is the reason why
-        there is no clearance, "" when there is one; both are absent until the next measurement.
+        there is no clearance, "" when there is one. Waypoints are absent unless they have changed,
+        and the clearance is absent until the next measurement.
         """
         time_s = snapshot.time_s
         states = {side: arm.at(time_s, snapshot.q) for side, arm in self._arms.items()}
@@ -148,14 +148,16 @@ class ShownRun:
         speeds = {side: max(map(abs, states[side]["v"])) for side in moved}
         now = tuple(side for side, speed in speeds.items() if speed > MIN_SPEED_RAD_S)
         self._moving = now or self._moving or tuple(moved)
-        self._end_waypoints(time_s)
         topics: dict[str, object] = {
             "caption": snapshot.caption,
             "seed": self._seed if time_s <= self._seed_until_s else "",
             "arms": {side: self._arms[side].limits for side in moved},
             "state": {"time": time_s, "arms": {side: states[side] for side in moved}},
-            "waypoints": list(self._waypoints),
         }
+        if time_s >= self._listed_until_s:
+            topics["waypoints"] = waypoints(self._moves, 0.0, time_s, is_live=True)
+            ends_s = (move.end_s for move in self._moves)
+            self._listed_until_s = min((s for s in ends_s if s > time_s), default=np.inf)
         now_s = self._clock()
         if now_s - self._measured_s >= CLEARANCE_PERIOD_S:
             self._measured_s = now_s
@@ -171,14 +173,6 @@ class ShownRun:
             time_s = self._last.time_s + DEFAULT_TICK_S
             self.on_snapshot(evolve(self._last, time_s=time_s, caption=note))
         return self._recorder.recording()
-
-    def _end_waypoints(self, time_s: float, side: str | None = None) -> None:
-        """End the moves that are over, or are stopped by the next one of their side."""
-        for each in self._waypoints:
-            if each["end"] is None:
-                end_s = self._arms[each["side"]].end_s
-                if side == each["side"] or time_s >= end_s:
-                    each["end"] = min(time_s, end_s)
 
     def _clearance(self, snapshot: Snapshot) -> dict[str, object] | str:
         """The nearest pair, or the reason why it is unknown."""
@@ -203,13 +197,12 @@ class _ArmState:
     Attributes:
         has_moved: whether it has moved, or a move has begun.
         limits: its joints and their limits, as the page reads them.
-        end_s: when the latest move ends.
     """
 
     def __init__(self, robot: Baxter, side: str) -> None:
         self._arm = robot.arm(side)
         self._where = list(robot.indices(self._arm.joint_names))
-        self.has_moved, self.limits, self.end_s = False, limits_of(self._arm), -np.inf
+        self.has_moved, self.limits = False, limits_of(self._arm)
         self._move: RecordedMove | None = None
         self._order: list[int] = []
         self._first_q: FloatArray | None = None
@@ -217,7 +210,7 @@ class _ArmState:
 
     def on_move(self, move: RecordedMove) -> None:
         """Process the beginning of a move."""
-        self._move, self.end_s, self.has_moved = move, move.end_s, True
+        self._move, self.has_moved = move, True
         self._order = [move.joint_names.index(name) for name in self._arm.joint_names]
         self.limits = limits_of(self._arm, [move.trajectory.limits])
 
@@ -231,7 +224,7 @@ class _ArmState:
         return {"q": q.tolist(), "v": v.tolist(), "a": a.tolist()}
 
     def _exact(self, time_s: float, q: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Those of the move under way, if the arm is where the move has it."""
+        """Velocity and acceleration of the move under way, if the arm is where the move has it."""
         move = self._move
         if move is None or not move.start_s <= time_s <= move.end_s:
             return None

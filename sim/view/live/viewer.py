@@ -137,7 +137,7 @@ class Viewer(NotCopied, Observer):
         joints = [state.joints.get(name) for name in self._robot.joint_names]
         q = self._checked_q([x for x in joints if x is not None])
         bodies = self._scene.replace_bodies(self._run.bodies, state.scene)
-        self._server.publish([*bodies, *self._scene.forget_run(), *self._scene.move(q, {}, {})])
+        self._server.publish([*bodies, *self._scene.clear_run(), *self._scene.move(q, {}, {})])
         self._begin_run(state)
 
     def on_event(self, event: Event) -> None:

@@ -16,7 +16,7 @@ from sim.view.panel import (
     key_rows,
     moving_arms,
     recorded_arms,
-    recorded_waypoints,
+    waypoints,
 )
 
 SINGLE = 1e-6
@@ -101,15 +101,19 @@ def test_a_long_recording_has_no_more_rows_than_allowed(robot: Baxter, executed:
         assert np.abs(values[rows]).max(axis=0) == pytest.approx(np.abs(values).max(axis=0))
 
 
+def waypoints_of(recording: Recording) -> list[dict[str, Any]]:
+    return waypoints(recording.moves, *recording.times_s[[0, -1]].tolist())
+
+
 def test_there_is_one_waypoint_for_each_move(executed: Recording) -> None:
-    waypoints = recorded_waypoints(executed)
-    assert [each["label"] for each in waypoints] == [move.label for move in executed.moves]
+    listed = waypoints_of(executed)
+    assert [each["label"] for each in listed] == [move.label for move in executed.moves]
     ends = [min(move.end_s, float(executed.times_s[-1])) for move in executed.moves]
-    assert [each["end"] for each in waypoints] == pytest.approx(ends)
+    assert [each["end"] for each in listed] == pytest.approx(ends)
 
 
 def test_they_say_what_inverse_kinematics_answered(executed: Recording) -> None:
-    for waypoint, move in zip(recorded_waypoints(executed), executed.moves, strict=True):
+    for waypoint, move in zip(waypoints_of(executed), executed.moves, strict=True):
         if move.ik is None:
             assert waypoint["position_error_m"] is None
             assert waypoint["seed"] == ""
@@ -129,4 +133,4 @@ def test_a_move_that_was_cut_off_ends_with_the_recording(executed: Recording) ->
         body_poses={name: poses[:half] for name, poses in executed.body_poses.items()},
         moves=executed.moves[:3],
     )
-    assert recorded_waypoints(cut)[-1]["end"] == pytest.approx(cut.duration_s)
+    assert waypoints_of(cut)[-1]["end"] == pytest.approx(cut.duration_s)

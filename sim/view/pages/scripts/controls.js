@@ -35,7 +35,7 @@ function pressKey(event) {
 
 function chooseSpeed() {
   const speed = Number(element("speed").value);
-  if (document.body.dataset.mode === "live") sendOrder("speed", speed);
+  if (document.body.dataset.mode === "live") sendRequest("speed", speed);
   else replay.speed = speed;
 }
 

@@ -34,7 +34,7 @@ function retry() {
   probe.onerror = () => setTimeout(retry, waitMs = Math.min(waitMs * RETRY_GROWTH, MAX_RETRY_MS));
 }
 
-function sendOrder(topic, value) {
+function sendRequest(topic, value) {
   if (viewer.connection.readyState === WebSocket.OPEN) viewer.connection.send(JSON.stringify([topic, value]));
 }
 
@@ -42,7 +42,7 @@ function sendOrder(topic, value) {
 function pauseProgram() {
   if (!program.isRunning) return;
   program.isPaused = !program.isPaused;
-  sendOrder("pause", program.isPaused);
+  sendRequest("pause", program.isPaused);
 }
 
 // A program that keeps its own time, as with a real robot, has no clock and cannot be paused.

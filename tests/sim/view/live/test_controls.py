@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from sim import Simulation, Viewer, World
 from sim.view.live.pacing import Pacing
-from sim.view.live.server import MAX_ORDER, obey
+from sim.view.live.server import MAX_REQUEST, apply_request
 from tests.sim.view.live.websocket import Page, page_of
 
 AS_IT_BEGINS = {"paused": False, "speed": 1.0, "running": True}
@@ -47,7 +47,7 @@ NOT_UNDERSTOOD: tuple[str | bytes, ...] = (
     '["speed", Infinity]',
     '["speed", [1]]',
     '["speed", 1' + "0" * 5000 + "]",
-    '["speed", 2' + " " * MAX_ORDER + "]",
+    '["speed", 2' + " " * MAX_REQUEST + "]",
     "[" * 10_000,
     "[" * 10_000 + "]" * 10_000,
     '["pausé", true]',
@@ -149,7 +149,7 @@ def test_all_else_is_ignored(
 @settings(deadline=None)
 def test_no_message_breaks_anything(message: str | bytes) -> None:
     pacing = Pacing()
-    obey(message, pacing)
+    apply_request(message, pacing)
     assert isinstance(pacing.is_paused, bool)
     assert 0.1 <= pacing.speed <= 4.0
 

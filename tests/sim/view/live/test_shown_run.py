@@ -17,7 +17,7 @@ from sim.recording.recorder import planned_recording
 from sim.recording.recording import Recording, play_back
 from sim.view.clearance import recorded_clearance
 from sim.view.live.shown_run import ShownRun
-from sim.view.panel import recorded_waypoints
+from sim.view.panel import waypoints
 from sim.world.gripper import NO_GRIPPER
 
 EXACT = 1e-9
@@ -94,7 +94,10 @@ def test_every_frame_has_a_state_and_the_arms_that_moved(page: Page) -> None:
 
 
 def test_waypoints_are_those_of_the_recording(page: Page, shown: Recording) -> None:
-    listed, wanted = page.last("waypoints"), recorded_waypoints(shown)
+    listed, wanted = (
+        page.last("waypoints"),
+        waypoints(shown.moves, *shown.times_s[[0, -1]].tolist()),
+    )
     assert [each["label"] for each in listed] == [each["label"] for each in wanted]
     for one, other in zip(listed[:-1], wanted[:-1], strict=True):
         assert one["start"] == pytest.approx(other["start"])
