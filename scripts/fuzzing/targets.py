@@ -49,6 +49,7 @@ LEFT_OUT = MappingProxyType(
         "IKResult": "its contract is that nothing is checked",
         "Part.at": "its contract is that nothing is checked",
         "ClearanceChecker.distances_m": "asks for a checked configuration, for speed",
+        "ClearanceChecker.nearest": "asks for a checked configuration, for speed",
     }
 )
 """Public classes and methods that are not called, and why."""
