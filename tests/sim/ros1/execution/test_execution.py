@@ -86,6 +86,22 @@ def test_the_gripper_is_told_to_close_fully_and_the_ratio_is_put_back(
     assert set(network.bus.registered("/baxter_kin")) == listened(network)
 
 
+def test_a_prepared_plan_is_executed_as_it_was_checked(
+    robot: Baxter, demo_plan: Plan, ready: ReadyPlan
+) -> None:
+    """Its tracking proof and its speed ratio hold at that pace alone."""
+    slow = evolve(FAST, pace=evolve(FAST.pace, speed=0.5 * FAST.pace.speed))
+    first = first_steps(ready, 2)
+    durations_s = []
+    for options, plan in ((FAST, first), (slow, first), (FAST, evolve(first, options=slow))):
+        with networked(robot, demo_plan) as network:
+            outcome = network.executor(options=options).execute(plan)
+        assert outcome.is_success, outcome.failure
+        durations_s.append(outcome.duration_s)
+    assert durations_s[1] == pytest.approx(durations_s[0], abs=0.05)
+    assert durations_s[2] > durations_s[0] + 0.5
+
+
 def test_fingers_are_not_sent_beyond_their_stroke(network: Network, ready: ReadyPlan) -> None:
     grip = ready.plan.steps[0]
     assert isinstance(grip, Grip)
