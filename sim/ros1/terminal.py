@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from baxter_kin.command_line import (
     EXIT_INTERRUPTED,
@@ -26,7 +26,6 @@ from sim.recording.record_file import csv_recorder_of, record_option, recorder_o
 if TYPE_CHECKING:  # --help needs none of them
     from baxter_kin import Baxter
     from sim import Observer
-    from sim.ros1.execution.readiness import Finding
 
 EXIT_FAILED, EXIT_USAGE = 1, 2
 
@@ -90,6 +89,14 @@ class Signals:
             raise KeyboardInterrupt
 
 
+class _Finding(Protocol):
+    """A condition, which `str` describes."""
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether it holds."""
+
+
 class Terminal:
     """The messages of a command: results on standard output, errors on standard error.
 
@@ -129,7 +136,7 @@ class Terminal:
         self.warn(text)
         return status
 
-    def report(self, findings: Sequence[Finding]) -> int:
+    def report(self, findings: Sequence[_Finding]) -> int:
         """Print a line for each condition; returns the number of those that do not hold.
 
         Those go to standard error.
