@@ -344,9 +344,11 @@ def _hands_at(
 def _held_from_the_start(recording: Recording, robot: Baxter) -> dict[str, str]:
     """The bodies that hands hold before any event says so, by side.
 
-    Either the first thing that the hand does is to release the body, or it does nothing, and the
-    body keeps its place in it while it moves.
+    Where a recording does not state it, either the first thing that the hand does is to release the
+    body, or it does nothing, and the body keeps its place in it while it moves.
     """
+    if recording.start is not None:
+        return {each.side: each.body for each in recording.start.attachments}
     first: dict[str, Event] = {}
     for event in sorted(recording.events, key=lambda event: event.time_s):
         if event.kind in (EventKind.GRASPED, EventKind.RELEASED) and event.side is not None:

@@ -72,7 +72,10 @@ class ShownRun:
         self.bodies = dict(state.scene.bodies)
         self.drawn_only: set[str] = set()
         self._recorder = Recorder(robot, keep=MAX_SNAPSHOTS)
-        self._recorder.remember(state.scene)
+        if state.joints:
+            self._recorder.on_start(state)
+        else:  # the beginning, and what hands hold, is unknown
+            self._recorder.remember(state.scene)
         self._arms = {side: _ArmState(robot, side) for side in robot.arms}
         self._hands = Hands({held.side: held.body for held in state.attachments})
         self._grippers = GripperStatus()

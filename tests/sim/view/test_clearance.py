@@ -72,6 +72,7 @@ def cut(recording: Recording, begin: int, end: int) -> Recording:
         body_poses={name: poses[begin:end] for name, poses in recording.body_poses.items()},
         events=tuple(e for e in recording.events if first_s <= e.time_s <= last_s),
         moves=tuple(m for m in recording.moves if m.end_s >= first_s and m.start_s <= last_s),
+        start=None,
     )
 
 
