@@ -11,7 +11,7 @@ ROBOT_DWELL_S = 1.0
 """Pause of a real arm before and after its gripper acts, as in the original demo. At speed ratio
 0.3 it settles within 0.8 s, and the script that plays files back commands grippers at 20 Hz."""
 
-LONGEST_DWELL_S = 60.0
+MAX_DWELL_S = 60.0
 """Longer ones are mistakes."""
 
 

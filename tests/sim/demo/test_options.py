@@ -178,4 +178,4 @@ def test_noise_asks_for_retries_by_itself() -> None:
 def test_values_that_are_repeated_are_the_same() -> None:
     assert demo_options.LIMITS == PRESETS
     dwells = demo_options.ROBOT_DWELL_S, demo_options.MAX_DWELL_S
-    assert dwells == (outcome.ROBOT_DWELL_S, outcome.LONGEST_DWELL_S)
+    assert dwells == (outcome.ROBOT_DWELL_S, outcome.MAX_DWELL_S)
