@@ -47,11 +47,11 @@ from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
-from sim.outcome import MAX_DWELL_S, ROBOT_DWELL_S
 from sim.recording.joint_states import Rows, noted_recording
 from sim.recording.recorded_motion import arm_joints, finger_joints
 from sim.recording.recorder import RecordFile
 from sim.recording.recording import Entry, NotedRecording, Recording, Row, entries_of
+from sim.simulation import MAX_DWELL_S, ROBOT_DWELL_S
 from sim.timeline import DEFAULT_TICK_S, Clock
 
 logger = logging.getLogger(__name__)
