@@ -36,11 +36,11 @@ from planner.scene.objects import URDF_FOLDER
 from sim import Simulation, World, read_recording
 from sim.demo.scene import BLOCK, demo_bodies, overhead
 from sim.errors import SimulationError
-from sim.outcome import Dwell
 from sim.ros1 import BaxterLink, ExecutionOptions, Master, Node, Pace, RosExecutor, StopCause
 from sim.ros1.definitions import MESSAGES, SERVICES, message_type, service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
+from sim.simulation import Dwell
 from tests.sim.ros1.debian import generate_classes
 
 LIMBS = ("left", "right")

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from sim.events import EventKind as EventKind
     from sim.events import Observer as Observer
     from sim.events import Snapshot as Snapshot
-    from sim.outcome import Dwell as Dwell
-    from sim.outcome import Outcome as Outcome
     from sim.perception.closed_loop import ClosedLoop as ClosedLoop
     from sim.perception.closed_loop import Transfer as Transfer
     from sim.perception.pose_source import Noise as Noise
@@ -30,6 +28,8 @@ if TYPE_CHECKING:
     from sim.recording.recording import Recording as Recording
     from sim.recording.recording import play_back as play_back
     from sim.recording.rsdk_csv import write_csv as write_csv
+    from sim.simulation import Dwell as Dwell
+    from sim.simulation import Outcome as Outcome
     from sim.simulation import Simulation as Simulation
     from sim.view.live.tip_target import TipTarget as TipTarget
     from sim.view.live.viewer import Viewer as Viewer
@@ -45,13 +45,13 @@ __all__, __getattr__ = lazy(
     {
         "ClosedLoop": "sim.perception.closed_loop",
         "Closing": "sim.world.gripper",
-        "Dwell": "sim.outcome",
+        "Dwell": "sim.simulation",
         "Event": "sim.events",
         "EventKind": "sim.events",
         "Noise": "sim.perception.pose_source",
         "NoisyPoses": "sim.perception.pose_source",
         "Observer": "sim.events",
-        "Outcome": "sim.outcome",
+        "Outcome": "sim.simulation",
         "PoseSource": "sim.perception.pose_source",
         "Recorder": "sim.recording.recorder",
         "Recording": "sim.recording.recording",

@@ -39,7 +39,7 @@ DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 DEFAULT_HOVER_M = 0.15
 LIMITS = ("safe", "torque-control")
 ROBOT_DWELL_S, MAX_DWELL_S = 1.0, 60.0
-"""As `planner.pick_place.task`, `baxter_kin.limits` and `sim.outcome` have them: repeated, since
+"""As `planner.pick_place.task`, `baxter_kin.limits` and `sim.simulation` have them: repeated, since
 these load NumPy, which `--help` does not need; a test compares them."""
 
 MAX_DISTANCE_M = 10.0

@@ -47,11 +47,11 @@ from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
-from sim.outcome import LONGEST_DWELL_S, ROBOT_DWELL_S
 from sim.recording.joint_states import Rows, noted_recording
 from sim.recording.recorded_motion import arm_joints, finger_joints
 from sim.recording.recorder import RecordFile
 from sim.recording.recording import Entry, NotedRecording, Recording, Row, entries_of
+from sim.simulation import MAX_DWELL_S, ROBOT_DWELL_S
 from sim.timeline import DEFAULT_TICK_S, Clock
 
 logger = logging.getLogger(__name__)
@@ -154,8 +154,8 @@ class PlanCsvFile(NotCopied, OneLine):
             RecordingError: when the file cannot be written, or the dwell is no such number.
         """
         self._dwell_s = finite_scalar(dwell_s, "dwell_s", RecordingError)
-        if not 0.0 <= self._dwell_s <= LONGEST_DWELL_S:
-            raise RecordingError(f"dwell_s must be 0 to {LONGEST_DWELL_S:g} s, got {dwell_s:g} s")
+        if not 0.0 <= self._dwell_s <= MAX_DWELL_S:
+            raise RecordingError(f"dwell_s must be 0 to {MAX_DWELL_S:g} s, got {dwell_s:g} s")
         self._file, self._path = CsvFile(path, _ARM_JOINTS), path
         self._clock = Clock(DEFAULT_TICK_S)
         self._arms: dict[str, FloatArray] = {}

@@ -231,9 +231,9 @@ def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
 
 
 def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOptions:
-    from sim.outcome import Dwell  # noqa: PLC0415
     from sim.ros1.execution.readiness import ExecutionOptions  # noqa: PLC0415
     from sim.ros1.execution.set_points import Pace  # noqa: PLC0415
+    from sim.simulation import Dwell  # noqa: PLC0415
 
     return ExecutionOptions(
         Pace(options.speed, options.lead_s),

@@ -24,7 +24,6 @@ from planner.completion import state_of
 from planner.motion.tracking_tube import SETTLED_RAD
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer
-from sim.outcome import Outcome
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
 from sim.ros1.execution.guard import NOTHING_NEAR, MoveClearance, PathGuard
 from sim.ros1.execution.link import ArmReading, BaxterLink
@@ -47,6 +46,7 @@ from sim.ros1.execution.set_points import (
 from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
 from sim.samples import Sample
+from sim.simulation import Outcome
 
 ENABLE_S, ENABLE_HZ = 5.0, 20.0
 """How long, and how often, the robot is asked to switch its motors on."""

@@ -37,7 +37,6 @@ from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
 from planner.pick_place.tracking import START_RAD
 from planner.state import State
 from sim.errors import RosError, SimulationError
-from sim.outcome import Dwell
 from sim.ros1.execution.guard import KEPT_M, MAX_OFF_RAD, MoveClearance, clearances_of
 from sim.ros1.execution.link import (
     ELECTRIC,
@@ -55,6 +54,7 @@ from sim.ros1.execution.set_points import (
     speed_ratio_for,
     too_fast,
 )
+from sim.simulation import Dwell
 
 VERSIONS = re.compile(r"1\.2\.\d+")
 """Versions of the RSDK that have this interface."""

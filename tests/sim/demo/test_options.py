@@ -12,7 +12,7 @@ from baxter_kin.limits import PRESETS
 from planner import PickAndPlace
 from planner.atlas.questions.placing.task import TableTransfer
 from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
-from sim import Transfer, outcome
+from sim import Transfer, simulation
 from sim.demo import options as demo_options
 from sim.demo.options import DEFAULT_POSES_M, DEFAULT_RETRIES, DemoOptions
 
@@ -178,4 +178,4 @@ def test_noise_asks_for_retries_by_itself() -> None:
 def test_values_that_are_repeated_are_the_same() -> None:
     assert demo_options.LIMITS == PRESETS
     dwells = demo_options.ROBOT_DWELL_S, demo_options.MAX_DWELL_S
-    assert dwells == (outcome.ROBOT_DWELL_S, outcome.LONGEST_DWELL_S)
+    assert dwells == (simulation.ROBOT_DWELL_S, simulation.MAX_DWELL_S)

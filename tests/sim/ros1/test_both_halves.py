@@ -12,7 +12,6 @@ import pytest
 from baxter_kin import Baxter
 from planner import Plan, Response
 from sim import Event, EventKind, Simulation, World
-from sim.outcome import Dwell
 from sim.ros1.execution import readiness, stops
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
@@ -22,6 +21,7 @@ from sim.ros1.execution.stops import StopCause
 from sim.ros1.node import Node
 from sim.ros1.robot.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
+from sim.simulation import Dwell
 from sim.world.contacts import Contact
 from tests.sim.ros1.execution.conftest import demo_plan  # noqa: F401 - a fixture
 from tests.sim.runs import Witness

@@ -12,12 +12,12 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
-from sim.outcome import Dwell
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
+from sim.simulation import Dwell
 from tests.conftest import overhead
 from tests.sim.ros1.execution.bus import Bus, BusNode
 from tests.sim.ros1.execution.clock import virtual_time
