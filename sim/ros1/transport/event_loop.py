@@ -63,7 +63,7 @@ class EventLoop(NotCopied, OneLine):
         """
         self._name = name
         self._counts = Counts()
-        self._lock = threading.RLock()  # of whether the loop is closing; signal handlers may call
+        self._lock = threading.RLock()  # of _is_closing; signal handlers may call
         self._is_closing = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._silent_until_s: dict[str, float] = {}
@@ -176,8 +176,12 @@ async def in_thread(function: Callable[..., T], *args: object) -> T:
     """Run a function that may block in a daemon thread, and await its result.
 
     Unlike threads of an executor, the thread does not keep the interpreter from ending. Where no
-    thread can be started, as at the end of the interpreter, the function is called in this one.
+    thread can be started, as at the end of the interpreter, the function blocks the loop instead.
+
+    Raises:
+        RuntimeError: when the function raises what a coroutine cannot, such as SystemExit.
     """
+    name = getattr(function, "__name__", repr(function))
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 
@@ -188,13 +192,15 @@ async def in_thread(function: Callable[..., T], *args: object) -> T:
     def work() -> None:
         try:
             method, value = future.set_result, function(*args)
-        except Exception as error:
+        except BaseException as error:
+            if isinstance(error, StopIteration) or not isinstance(error, Exception):
+                error = RuntimeError(f"{name} raised {error!r}")
             method, value = future.set_exception, error  # type: ignore[assignment]
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(deliver, method, value)
 
     try:
-        threading.Thread(target=work, name=function.__name__, daemon=True).start()
+        threading.Thread(target=work, name=name, daemon=True).start()
     except RuntimeError:
         return function(*args)
     return await future

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -111,17 +112,24 @@ def test_a_thread_that_blocks_holds_up_neither_the_loop_nor_its_end(loop: EventL
     released.set()
 
 
+def fail(error: BaseException) -> None:
+    raise error
+
+
 def test_results_and_errors_of_a_thread_are_awaited(
     loop: EventLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
     with pytest.raises(ZeroDivisionError):
         loop.run(in_thread(divmod, 7, 0))
+    for error in (SystemExit(3), StopIteration(), KeyboardInterrupt()):
+        with pytest.raises(RuntimeError, match=f"raised {type(error).__name__}"):
+            loop.run(in_thread(partial(fail, error)))
 
-    def fail(_: threading.Thread) -> None:
+    def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    monkeypatch.setattr(threading.Thread, "start", fail)
+    monkeypatch.setattr(threading.Thread, "start", refuse)
     assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
 
 
