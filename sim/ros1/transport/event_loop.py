@@ -8,6 +8,7 @@ import logging
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar
 
 from baxter_kin.display import OneLine
@@ -63,9 +64,10 @@ class EventLoop(NotCopied, OneLine):
         """
         self._name = name
         self._counts = Counts()
-        self._lock = threading.RLock()  # of _is_closing; signal handlers may call
+        self._lock = threading.RLock()  # of _is_closing and _calls; signal handlers may call
         self._is_closing = False
         self._tasks: set[asyncio.Task[None]] = set()
+        self._calls: list[Callable[[], object]] = []
         self._silent_until_s: dict[str, float] = {}
         started: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._thread = threading.Thread(target=self._run, args=(started,), name=name, daemon=True)
@@ -91,10 +93,15 @@ class EventLoop(NotCopied, OneLine):
         self._counts = evolve(self._counts, **increased)
 
     def call(self, function: Callable[..., object], *args: object) -> None:
-        """Call a function soon; nothing happens when the loop is closed."""
+        """Call a function soon; nothing happens when the loop is closed.
+
+        Calls in quick succession wake the loop once.
+        """
         with self._lock:
             if not self._is_closing:
-                self._loop.call_soon_threadsafe(function, *args)
+                self._calls.append(partial(function, *args))
+                if len(self._calls) == 1:
+                    self._loop.call_soon_threadsafe(self._make_calls)
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine in the loop, and wait for its result.
@@ -149,6 +156,19 @@ class EventLoop(NotCopied, OneLine):
         self._stopping = asyncio.Event()
         started.set_result(None)
         await self._stopping.wait()
+
+    def _make_calls(self) -> None:
+        with self._lock:
+            calls, self._calls = self._calls, []
+        for call in calls:
+            self._make_call(call)
+
+    def _make_call(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except Exception as error:  # the calls that follow must not be lost
+            message = f"{self._name}: a call failed"
+            self._loop.call_exception_handler({"message": message, "exception": error})
 
     def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Count an error of asyncio itself, and log it unless it was logged just before.

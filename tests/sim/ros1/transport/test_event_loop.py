@@ -35,6 +35,20 @@ def test_calls_of_any_thread_run_in_one(loop: EventLoop) -> None:
     assert not loop.is_current
 
 
+def test_calls_are_made_in_order_and_a_failed_one_loses_no_other(
+    loop: EventLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    found: list[int] = []
+    for number in range(100):
+        loop.call(found.append, number)
+        if number == 50:
+            loop.call(fail, ZeroDivisionError("of a call"))
+    assert loop.run(asyncio.sleep(0.0, "later")) == "later"
+    assert found == list(range(100))
+    assert loop.counts.faults == 1
+    assert "of a call" in caplog.text
+
+
 def test_results_and_errors_of_a_coroutine_reach_the_caller(loop: EventLoop) -> None:
     async def divide(a: float, b: float) -> float:
         await asyncio.sleep(0.0)
