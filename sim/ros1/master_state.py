@@ -1,4 +1,4 @@
-"""What a master knows: nodes with their topics and services, and parameters."""
+"""State of a ROS master: registrations of topics and services, and parameters."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 from sim.errors import RosError
 
 ANY_TYPE = "*"
-"""The type of a topic that nobody has published yet."""
+"""Wildcard type, registered by clients that accept any."""
 
 
 class Change(NamedTuple):
-    """What nodes have to learn after a registration.
+    """Changes of which nodes are notified after a registration.
 
     Attributes:
         topic: whose publishers have changed, or an empty name.
@@ -37,7 +37,7 @@ class Directory:
         """Add a publisher of a topic."""
         ended = self._set_uri(node, uri)
         self._publishers.setdefault(topic, {})[node] = uri
-        if kind != ANY_TYPE:
+        if kind != ANY_TYPE or topic not in self._types:
             self._types[topic] = kind
         return Change(topic, ended)
 
@@ -45,25 +45,28 @@ class Directory:
         """Add a subscriber to a topic."""
         ended = self._set_uri(node, uri)
         self._subscribers.setdefault(topic, {})[node] = uri
-        self._types.setdefault(topic, kind)
+        if kind != ANY_TYPE:
+            self._types.setdefault(topic, kind)
         return Change("", ended)
 
     def add_service(self, node: str, service: str, service_uri: str, uri: str) -> Change:
         """Add a service, which the node takes over if another one had it."""
         ended = self._set_uri(node, uri)
+        former, _ = self._services.get(service, (node, ""))
         self._services[service] = (node, service_uri)
+        self._forget_if_idle(former)
         return Change("", ended)
 
     def remove_publisher(self, node: str, topic: str, uri: str) -> bool:
-        """Remove a publisher; whether it was there."""
+        """Remove a publisher; returns whether it was registered."""
         return self._remove(self._publishers, node, topic, uri)
 
     def remove_subscriber(self, node: str, topic: str, uri: str) -> bool:
-        """Remove a subscriber; whether it was there."""
+        """Remove a subscriber; returns whether it was registered."""
         return self._remove(self._subscribers, node, topic, uri)
 
     def remove_service(self, node: str, service: str, service_uri: str) -> bool:
-        """Remove a service; whether the node had it."""
+        """Remove a service; returns whether the node had it."""
         if self._services.get(service) != (node, service_uri):
             return False
         del self._services[service]
@@ -190,15 +193,17 @@ class Parameters:
         """Remove a value and everything below it."""
         self.get(name)
         *above, last = _keys(name) or [""]
+        if not last:
+            raise RosError("cannot delete the root of the parameter tree")
         level = self._root
         for key in above:
             level = level[key]
-        level.pop(last, None)
+        del level[last]
 
     def search(self, name: str, namespace: str) -> str:
         """The full name of the first parameter of that name, from a namespace upwards."""
         if name.startswith("/"):
-            self.get(name.split("/")[1])
+            self.get(name)
             return name
         first = name.split("/", maxsplit=1)[0]
         levels = _keys(namespace)

@@ -8,6 +8,7 @@ import logging
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar
 
 from baxter_kin.display import OneLine
@@ -63,9 +64,10 @@ class EventLoop(NotCopied, OneLine):
         """
         self._name = name
         self._counts = Counts()
-        self._lock = threading.RLock()  # of whether the loop is closing; signal handlers may call
+        self._lock = threading.RLock()  # of _is_closing and _calls; signal handlers may call
         self._is_closing = False
         self._tasks: set[asyncio.Task[None]] = set()
+        self._calls: list[Callable[[], object]] = []
         self._silent_until_s: dict[str, float] = {}
         started: concurrent.futures.Future[None] = concurrent.futures.Future()
         self._thread = threading.Thread(target=self._run, args=(started,), name=name, daemon=True)
@@ -91,10 +93,15 @@ class EventLoop(NotCopied, OneLine):
         self._counts = evolve(self._counts, **increased)
 
     def call(self, function: Callable[..., object], *args: object) -> None:
-        """Call a function soon; nothing happens when the loop is closed."""
+        """Call a function soon; nothing happens when the loop is closed.
+
+        Calls in quick succession wake the loop once.
+        """
         with self._lock:
             if not self._is_closing:
-                self._loop.call_soon_threadsafe(function, *args)
+                self._calls.append(partial(function, *args))
+                if len(self._calls) == 1:
+                    self._loop.call_soon_threadsafe(self._make_calls)
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine in the loop, and wait for its result.
@@ -150,6 +157,19 @@ class EventLoop(NotCopied, OneLine):
         started.set_result(None)
         await self._stopping.wait()
 
+    def _make_calls(self) -> None:
+        with self._lock:
+            calls, self._calls = self._calls, []
+        for call in calls:
+            self._make_call(call)
+
+    def _make_call(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except Exception as error:  # the calls that follow must not be lost
+            message = f"{self._name}: a call failed"
+            self._loop.call_exception_handler({"message": message, "exception": error})
+
     def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Count an error of asyncio itself, and log it unless it was logged just before.
 
@@ -176,8 +196,12 @@ async def in_thread(function: Callable[..., T], *args: object) -> T:
     """Run a function that may block in a daemon thread, and await its result.
 
     Unlike threads of an executor, the thread does not keep the interpreter from ending. Where no
-    thread can be started, as at the end of the interpreter, the function is called in this one.
+    thread can be started, as at the end of the interpreter, the function blocks the loop instead.
+
+    Raises:
+        RuntimeError: when the function raises what a coroutine cannot, such as SystemExit.
     """
+    name = getattr(function, "__name__", repr(function))
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 
@@ -188,13 +212,15 @@ async def in_thread(function: Callable[..., T], *args: object) -> T:
     def work() -> None:
         try:
             method, value = future.set_result, function(*args)
-        except Exception as error:
+        except BaseException as error:
+            if isinstance(error, StopIteration) or not isinstance(error, Exception):
+                error = RuntimeError(f"{name} raised {error!r}")
             method, value = future.set_exception, error  # type: ignore[assignment]
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(deliver, method, value)
 
     try:
-        threading.Thread(target=work, name=function.__name__, daemon=True).start()
+        threading.Thread(target=work, name=name, daemon=True).start()
     except RuntimeError:
         return function(*args)
     return await future

@@ -16,6 +16,7 @@ from sim.ros1.transport.streams import (
     CONNECT_S,
     MAX_FRAME,
     Fields,
+    ProtocolError,
     Stream,
     check_sum,
     connect,
@@ -26,7 +27,7 @@ from sim.ros1.transport.streams import (
 from sim.ros1_messages import Message, ServiceType
 
 SUCCESS, FAILURE = b"\x01", b"\x00"
-"""The byte before a response, and before the text of an error."""
+"""First byte of an answer: a response follows, or the text of an error."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,7 +54,7 @@ class ServiceServer(NotCopied, OneLine):
         Args:
             name: its full name.
             kind: its type.
-            handler: returns the response to a request, in a thread of its own; the text of a
+            handler: returns the response to a request, in a daemon thread; the text of a
                 `ServiceRefused` that it raises is sent to the client.
             node: our name, for clients.
             loop: of the connections.
@@ -107,7 +108,7 @@ class ServiceServer(NotCopied, OneLine):
             return SUCCESS + framed(self.type.response.serialise(self._handler(request)))
         except ServiceRefused as error:
             return FAILURE + framed(str(error).encode())
-        except Exception as error:  # one failed answer must not end the service
+        except BaseException as error:  # one failed answer must not end the service
             self._loop.call(self._loop.count, "faults")
             _LOG.exception("%s: the handler failed", self.name)
             return FAILURE + framed(f"{type(error).__name__}: {error}".encode())
@@ -150,7 +151,7 @@ async def call_service(
     except EOFError as cause:
         reason = "the connection ended before the answer"
         raise _no_response(address, service, reason) from cause
-    except OSError as cause:
+    except (OSError, ProtocolError) as cause:
         raise _no_response(address, service, str(cause)) from cause
     if not success:
         raise ServiceRefused(f"{service} answered: {content.decode('utf-8', 'replace')}")
@@ -160,13 +161,28 @@ async def call_service(
 async def probe_service(
     address: Address, name: str, *, node: str, timeout_s: float
 ) -> dict[str, str]:
-    """The connection header of a service, which has its type and md5 sum."""
-    stream = await connect(address, node=f"service {name}", timeout_s=timeout_s)
+    """The connection header of a service, which has its type and md5 sum.
+
+    Args:
+        address: of the service.
+        name: its full name.
+        node: our name.
+        timeout_s: time limit for everything.
+    """
+    service = f"service {name}"
+    fields = {"callerid": node, "service": name, "md5sum": ANY, "probe": "1"}
+
+    async def probe() -> dict[str, str]:
+        stream = await connect(address, node=service, timeout_s=timeout_s)
+        try:
+            return await exchange_headers(stream, fields, address)
+        finally:
+            stream.abort()
+
     try:
-        fields = {"callerid": node, "service": name, "md5sum": ANY, "probe": "1"}
-        return await exchange_headers(stream, fields, address)
-    finally:
-        stream.abort()
+        return await asyncio.wait_for(probe(), timeout_s)
+    except asyncio.TimeoutError as cause:
+        raise _no_response(address, service, f"no answer in {timeout_s:g} s") from cause
 
 
 async def _exchange(

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from typing import Any
+from xmlrpc.client import ServerProxy
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -63,11 +64,33 @@ def test_registrations_are_returned(master_uri: str) -> None:
         ("getParam", ("/none",)),
         ("deleteParam", ("/none",)),
         ("searchParam", ("none",)),
+        ("searchParam", ("/run_id/none",)),
+        ("deleteParam", ("/",)),
     ],
 )
 def test_unknown_names_are_refused(master_uri: str, method: str, args: tuple[str, ...]) -> None:
     with pytest.raises(RosError, match=f"the master refused {method}"):
         asked(master_uri, method, *args)
+
+
+def test_a_wildcard_type_yields_to_a_real_one(master_uri: str) -> None:
+    asked(master_uri, "registerSubscriber", "/w/t", "*", NOWHERE)
+    assert "/w/t" not in dict(asked(master_uri, "getTopicTypes"))
+    asked(master_uri, "registerPublisher", "/w/t", "*", NOWHERE)
+    assert dict(asked(master_uri, "getTopicTypes"))["/w/t"] == "*"
+    asked(master_uri, "registerPublisher", "/w/t", TEXT, NOWHERE)
+    asked(master_uri, "registerPublisher", "/w/t", "*", NOWHERE)
+    assert dict(asked(master_uri, "getTopicTypes"))["/w/t"] == TEXT
+    asked(master_uri, "unregisterSubscriber", "/w/t", NOWHERE)
+    asked(master_uri, "unregisterPublisher", "/w/t", NOWHERE)
+
+
+def test_a_node_without_registrations_is_forgotten(own_master: str) -> None:
+    asked(own_master, "registerService", "/w/s", "rosrpc://127.0.0.1:2", NOWHERE)
+    with ServerProxy(own_master) as master:
+        master.registerService("/other", "/w/s", "rosrpc://127.0.0.1:3", "http://127.0.0.1:3/")
+    with pytest.raises(RosError, match="unknown node"):
+        asked(own_master, "lookupNode", "/asker")
 
 
 @given(value=VALUES)

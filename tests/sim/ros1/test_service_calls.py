@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import socket
+import sys
 import threading
+from xmlrpc.client import ServerProxy
 
 import pytest
 
 from sim.errors import RosConnectionError, ServiceRefused
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.node import Node
+from sim.ros1.transport import streams
 from sim.ros1_messages import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import until
+from tests.sim.ros1.wire import frame_of
 
 TEXT = message_type("std_msgs/String")
 DELETE = service_type("gazebo_msgs/DeleteModel")
@@ -28,6 +33,8 @@ def test_services_answer_refuse_and_fail_with_words(node: Node) -> None:
             raise ServiceRefused("not this one")
         if request.model_name == "fail":
             raise ZeroDivisionError("by accident")
+        if request.model_name == "exit":
+            sys.exit("for good")
         return DELETE.response.make(success=True)
 
     node.serve("/s", DELETE.name, handle)
@@ -36,7 +43,42 @@ def test_services_answer_refuse_and_fail_with_words(node: Node) -> None:
         node.call("/s", DELETE.name, DELETE.request.make(model_name="refuse"))
     with pytest.raises(ServiceRefused, match="ZeroDivisionError: by accident"):
         node.call("/s", DELETE.name, DELETE.request.make(model_name="fail"))
-    assert node.counts.faults == 1
+    with pytest.raises(ServiceRefused, match="SystemExit: for good"):
+        node.call("/s", DELETE.name, DELETE.request.make(model_name="exit"))
+    assert node.call("/s", DELETE.name, DELETE.request.make()).success
+    assert node.counts.faults == 2
+
+
+def test_a_silent_service_is_given_up_in_time(
+    own_master: str, node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(streams, "HANDSHAKE_S", 1000.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        uri = f"rosrpc://127.0.0.1:{silent.getsockname()[1]}"
+        with ServerProxy(own_master) as master:
+            master.registerService("/silent", "/s", uri, "http://127.0.0.1:1/")
+        assert not node.wait_for_service("/s", 0.2)
+        with pytest.raises(RosConnectionError, match=r"/s at .*: no answer in 0.2 s"):
+            node.call("/s", DELETE.name, DELETE.request.make(), timeout_s=0.2)
+
+
+def test_an_answer_that_is_too_long_is_an_error(own_master: str, node: Node) -> None:
+    def serve(listening: socket.socket) -> None:
+        with listening.accept()[0] as sock:
+            frame_of(sock)
+            sock.sendall(streams.framed_header({"md5sum": DELETE.md5}))
+            frame_of(sock)
+            sock.sendall(b"\x01\xff\xff\xff\xff")
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        uri = f"rosrpc://127.0.0.1:{listening.getsockname()[1]}"
+        with ServerProxy(own_master) as master:
+            master.registerService("/odd", "/s", uri, "http://127.0.0.1:1/")
+        thread = threading.Thread(target=serve, args=(listening,))
+        thread.start()
+        with pytest.raises(RosConnectionError, match=r"/s at .*: a frame of 4294967295 bytes"):
+            node.call("/s", DELETE.name, DELETE.request.make())
+        thread.join()
 
 
 def test_a_slow_or_missing_service_is_an_error(node: Node) -> None:

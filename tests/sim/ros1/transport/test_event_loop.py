@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -32,6 +33,20 @@ def test_calls_of_any_thread_run_in_one(loop: EventLoop) -> None:
     until(lambda: len(found) == 20)
     assert sorted(found) == [(number, True) for number in range(20)]
     assert not loop.is_current
+
+
+def test_calls_are_made_in_order_and_a_failed_one_loses_no_other(
+    loop: EventLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    found: list[int] = []
+    for number in range(100):
+        loop.call(found.append, number)
+        if number == 50:
+            loop.call(fail, ZeroDivisionError("of a call"))
+    assert loop.run(asyncio.sleep(0.0, "later")) == "later"
+    assert found == list(range(100))
+    assert loop.counts.faults == 1
+    assert "of a call" in caplog.text
 
 
 def test_results_and_errors_of_a_coroutine_reach_the_caller(loop: EventLoop) -> None:
@@ -111,17 +126,24 @@ def test_a_thread_that_blocks_holds_up_neither_the_loop_nor_its_end(loop: EventL
     released.set()
 
 
+def fail(error: BaseException) -> None:
+    raise error
+
+
 def test_results_and_errors_of_a_thread_are_awaited(
     loop: EventLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
     with pytest.raises(ZeroDivisionError):
         loop.run(in_thread(divmod, 7, 0))
+    for error in (SystemExit(3), StopIteration(), KeyboardInterrupt()):
+        with pytest.raises(RuntimeError, match=f"raised {type(error).__name__}"):
+            loop.run(in_thread(partial(fail, error)))
 
-    def fail(_: threading.Thread) -> None:
+    def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    monkeypatch.setattr(threading.Thread, "start", fail)
+    monkeypatch.setattr(threading.Thread, "start", refuse)
     assert loop.run(in_thread(divmod, 7, 3)) == (2, 1)
 
 
