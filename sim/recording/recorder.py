@@ -71,7 +71,7 @@ class RecordingBuilder:
             self._moves.append(entry)
         elif isinstance(entry, Body):
             self.bodies[entry.name] = entry
-        else:
+        elif not self.rows:  # an executor reports the state at the start of each of its plans
             self._start = entry
 
     def build(self) -> Recording:
@@ -262,28 +262,8 @@ def planned_recording(
     if difference:
         raise RecordingError(f"the plan is for another robot: {difference}; give that one")
     recorder = Recorder(known)
-    simulation = Simulation(_world_at(plan.start, known, body), [recorder], check_contacts=False)
+    world = World.from_state(plan.start, known, body)
+    simulation = Simulation(world, [recorder], check_contacts=False)
     simulation.execute(evolve(plan, robot=None), unverified=True)  # `body` may be another one
     simulation.finish()
     return recorder.recording()
-
-
-def _world_at(state: State, robot: Baxter, body: RobotBody | None) -> World:
-    """Robot and bodies exactly as in a state, without anything falling."""
-    world = World(robot, body)
-    for side, arm in robot.arms.items():
-        if all(name in state.joints for name in arm.joint_names):
-            world.move_arm(side, state.q(arm.joint_names))
-    for side, hand in world.hands.items():
-        if hand.joint_names[0] in state.joints:
-            world.set_fingers(side, state.joints[hand.joint_names[0]])
-    if "head_pan" in state.joints:
-        world.turn_head(state.joints["head_pan"])
-    for change in (world.spawn, lambda each: world.slide(each.name, each.T_base_body)):
-        for each in state.scene:
-            change(each)
-    for each in state.scene:
-        world.place_body(each.name, each.T_base_body)
-    for held in state.attachments:
-        world.attach(held.side, held.body, held.T_link_body)
-    return world

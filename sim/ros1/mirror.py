@@ -95,12 +95,11 @@ def run() -> NoReturn:
 
 
 def _mirrored(options: MirrorOptions) -> int:
-    from planner import Scene  # noqa: PLC0415
-    from planner.state import State  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
     from sim.ros1.execution.link import JOINT_STATES, BaxterLink  # noqa: PLC0415
     from sim.ros1.execution.twin import Twin  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
+    from sim.world.world import World  # noqa: PLC0415
 
     with ExitStack() as stack:
         link = stack.enter_context(
@@ -110,8 +109,7 @@ def _mirrored(options: MirrorOptions) -> int:
             raise RosError(f"nothing came on {JOINT_STATES} within {FIRST_S:g} s; is it running?")
         robot = _robot(options, link)
         observers = _observers(options, robot, stack)
-        joints = dict.fromkeys(robot.joint_names, 0.0)
-        twin = Twin(robot, State(Scene({}), joints), observers)
+        twin = Twin(robot, World(robot).state, observers)
         _follow(link, twin, options.duration_s)
     return 0
 

@@ -75,6 +75,31 @@ class World(OneLine):
         self._poses: dict[str, pin.SE3] = {}  # where they are now
         self._held: dict[str, Attachment] = {}
 
+    @classmethod
+    def from_state(cls, state: State, robot: Baxter, body: RobotBody | None = None) -> World:
+        """World exactly as in a state; no body falls or moves.
+
+        Args:
+            state: the state; joints that it does not name stand in neutral, fingers open.
+            robot: the robot.
+            body: as of `World`.
+        """
+        world = cls(robot, body)
+        expect(state, State, "state", SimulationError)
+        names = tuple(name for name in robot.joint_names if name in state.joints)
+        world._q[list(robot.indices(names))] = state.q(names)
+        world._bodies = dict(state.scene.bodies)
+        world._poses = {each.name: each.T_base_body for each in state.scene}
+        held_names = {held.body for held in state.attachments}
+        for each in state.scene:
+            if each.is_movable and each.name not in held_names:
+                rest = world.rest(each.name)
+                if rest.fall_m <= PRESSING_TOLERANCE_M:
+                    world.supports[each.name] = rest.supports
+        for held in state.attachments:
+            world.attach(held.side, held.body, held.T_link_body)
+        return world
+
     @property
     def q(self) -> FloatArray:
         """The full configuration, shape (19,), rad and m; a copy."""

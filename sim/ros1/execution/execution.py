@@ -25,7 +25,7 @@ from planner.motion.tracking_tube import SETTLED_RAD
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
-from sim.ros1.execution.guard import NOTHING_NEAR, MoveClearance, PathGuard
+from sim.ros1.execution.guard import MoveClearance, PathGuard
 from sim.ros1.execution.link import ArmReading, BaxterLink
 from sim.ros1.execution.readiness import (
     ExecutionOptions,
@@ -217,7 +217,7 @@ class Execution:
         self._arm, self._hand = ready.manipulator.arm, ready.manipulator.hand
         self._parts = list(self._guarded_parts())
         self._guard: PathGuard | None = None
-        self._clearance = NOTHING_NEAR
+        self._clearance: MoveClearance | None = None
         self._stand = SetPoint(ready.plan.q_start, ready.plan.q_start)
         self._label = self._caption = ""
         self._was_connected = False
@@ -377,9 +377,10 @@ class Execution:
         stop = self.watch.stop(now_s) or self._own_stop(now_s)
         if stop is None:
             reading = self._send(now_s, at)
-            if self._guard is not None and reading is not None:
-                self._guard.advance(now_s, at.q_path, self._clearance)
-                stop = self._guard.check(reading.q, at.q_path)
+            guard, clearance = self._guard, self._clearance
+            if guard is not None and clearance is not None and reading is not None:
+                guard.advance(now_s, at.q_path, clearance)
+                stop = guard.check(reading.q, at.q_path)
         return stop and self._located(stop)
 
     def _own_stop(self, now_s: float) -> Stop | None:

@@ -4,7 +4,7 @@
 completed for the robot as it stands (`planner.completion`), by `planner.collision.proof`:
 separately for pairs of which one shape stands still, and for pairs of the arm with itself by the
 joint that the inner shape hangs on; seen from there, only the joints beyond it move the other one.
-Contacts that a step states are excluded only where its move is not clear otherwise.
+Intended contacts are excluded only for moves whose clearance without them is below `STRICT_M`.
 
 **The path.** Every configuration of the path was proven to keep a distance c from what stands
 still. The distance of two shapes changes by no more than the points of the moving one are
@@ -63,11 +63,11 @@ KEPT_M = 0.003
 MAX_GROWTH_RAD = 0.02
 """Twice what counts as settled, and far above the noise of sensors."""
 
-STANDS_S = 0.1
-"""A set-point that did not change for so long stands."""
+STANDSTILL_S = 0.1
+"""A set-point that has not changed for this long stands still."""
 
-NEAR = 8
-"""Configurations of the path that are tried first: those around where the arm was last."""
+WINDOW_BEFORE, WINDOW_AFTER = 4, 8
+"""Configurations before and after the nearest one that are compared first."""
 
 
 @frozen(error=SimulationError, eq=True)
@@ -78,7 +78,7 @@ class MoveClearance:
         label: of the move.
         clear_m: proven distance of the arm, and what it carries, first from all that stands still,
             then from its own shapes that hang on its joint 1, 2 .. 7; m.
-        nearest: the smallest of all of these; None where there is nothing.
+        nearest: the smallest of all of these; None if no pair was checked.
         intended: the smallest distance of an intended contact; None where there is none.
         max_off_rad: how far a joint may be off its set-point; smaller where the arm's lag is known.
     """
@@ -91,10 +91,6 @@ class MoveClearance:
 
     def _facts(self) -> tuple[str, ...]:
         return phrase(self.label), clear(min(self.clear_m))
-
-
-NOTHING_NEAR = MoveClearance("", (np.inf,) * 8)
-"""Of an arm that stands before its first move."""
 
 
 class NotClearError(SimulationError):
@@ -199,9 +195,11 @@ class PathGuard:
     def advance(self, time_s: float, q: FloatArray, clearance: MoveClearance) -> None:
         """Append a configuration of the path, shape (7,), rad, on a move of that clearance."""
         if self._path and np.array_equal(self._path[-1].q, q):
+            if self._path[-1].clearance != clearance:  # of the next move, before q changes
+                self._path.append(self._path[-1]._replace(time_s=time_s, clearance=clearance))
             if self._stood_since_s is None:
                 self._stood_since_s = time_s
-            elif time_s - self._stood_since_s >= STANDS_S and self._least_off is None:
+            elif time_s - self._stood_since_s >= STANDSTILL_S and self._least_off is None:
                 self._least_off = np.full(len(self._names), np.inf)
         else:
             self._stood_since_s, self._least_off = None, None
@@ -236,7 +234,7 @@ class PathGuard:
         placed, corners = self._placed(q)
         last = len(self._path) - 1
         at = min(max(self._nearest, 0), last)
-        around = range(max(0, at - NEAR // 2), min(last, at + NEAR) + 1)
+        around = range(max(0, at - WINDOW_BEFORE), min(last, at + WINDOW_AFTER) + 1)
         stop = self._compared(q, corners, placed, around)
         return stop and self._compared(q, corners, placed, range(len(self._path)))
 

@@ -61,16 +61,18 @@ VERSIONS = re.compile(r"1\.2\.\d+")
 
 MIN_RATE_HZ = 50.0
 
+HEAD = "head_pan"
+
 LISTEN_S = 1.2
 """How long joint states are received before their rate is judged."""
 
 FIRST_S = 3.0
-"""A robot that is there has sent its first message by then."""
+"""Time limit for the robot's first message."""
 
-BEYOND_RAD = 0.02
-"""A joint that is farther off than its response allows by this does not follow as stated."""
+TRACKING_MARGIN_RAD = 0.02
+"""Added to the proven deviation to give the guard's bound on a joint."""
 
-CONNECTING = "move to start"
+START_MOVE_LABEL = "move to start"
 
 _LOG = logging.getLogger(__name__)
 """Announces what takes seconds."""
@@ -250,7 +252,9 @@ def _version(link: BaxterLink) -> Finding:
     if version is None:
         return Finding("version", False, "the parameter /rethink/software_version is missing")
     is_ok = VERSIONS.match(version) is not None
-    return Finding("version", is_ok, version if is_ok else f"{version}; 1.2.x is spoken here")
+    return Finding(
+        "version", is_ok, version if is_ok else f"{version}; only RSDK 1.2.x is supported"
+    )
 
 
 def _state(link: BaxterLink) -> Iterator[Finding]:
@@ -312,7 +316,7 @@ def _gripper(link: BaxterLink, limb: str) -> Finding:
     if report is None:
         return Finding(name, False, "reports nothing; is there one?")
     if kind is not None and kind != ELECTRIC:
-        return Finding(name, False, f"is of type {kind}, no electric one ({ELECTRIC})")
+        return Finding(name, False, f"has type {kind}; only the electric gripper is supported")
     if report.has_error:
         return Finding(name, False, "reports an error")
     if not report.is_calibrated:
@@ -402,6 +406,7 @@ class _PlanCheck:
             robot = described_robot(text)
         except RosError as cause:
             raise _RefusedError("URDF", str(cause)) from cause
+        self._check_known(robot)
         known = dict(self._plan.start.joints)
         joints = {name: known.get(name, 0.0) for name in robot.joint_names}
         state = evolve(self._plan.start, joints=joints | measured_joints(self._link, robot))
@@ -423,7 +428,7 @@ class _PlanCheck:
         if proof is not None:
             rates = np.maximum(peaks, proof.rate_rad_s)
             clearances = tuple(
-                evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + BEYOND_RAD))
+                evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + TRACKING_MARGIN_RAD))
                 for each, move in zip(clearances, proof.moves, strict=True)
             )
         duration_s = sum(motion.duration_s for motion in motions)
@@ -432,6 +437,20 @@ class _PlanCheck:
 
     def _found(self, name: str, text: str) -> None:
         self._findings.append(Finding(name, True, text))
+
+    def _check_known(self, robot: Baxter) -> None:
+        """Refuse arms that are not measured; a head that is not is assumed to be as planned."""
+        arms = {side: arm.joint_names for side, arm in robot.arms.items()}
+        missing = self._link.joints.missing(name for names in arms.values() for name in names)
+        if missing:
+            raise _RefusedError(
+                "joint states",
+                f"nothing was received of {', '.join(missing)} on {JOINT_STATES}: collisions with "
+                "that arm cannot be excluded",
+            )
+        if HEAD in self._link.joints.missing([HEAD]):
+            pan_rad = self._plan.start.joints.get(HEAD, 0.0)
+            self._found("head", f"its pan is not reported; assumed to be {pan_rad:.3f} rad")
 
     def _check_identity(self, robot: Baxter) -> None:
         given = self._plan.robot
@@ -459,7 +478,7 @@ class _PlanCheck:
         )
         if way.failure is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")
-        move = evolve(way.moves[0], label=CONNECTING)
+        move = evolve(way.moves[0], label=START_MOVE_LABEL)
         proven = "" if move.proof is None else f", {clear(move.proof.proven_m)}"
         duration_s = move.trajectory.duration / self._options.pace.speed
         self._found(
@@ -527,7 +546,9 @@ class _PlanCheck:
         response = self._options.sent_response
         if response is None:
             return None
-        _LOG.info("proving that it is clear wherever the lag leads: some seconds")
+        _LOG.info(
+            "proving clearance for every path within the tracking error; this takes a few seconds"
+        )
         proof = prove_tracking(plan, response, manipulator=manipulator)
         if proof.is_valid:
             deviation = max((move.deviation_rad for move in proof.moves), default=0.0)

@@ -1,4 +1,4 @@
-"""Set-points: what is sent to an arm during moves, slowed down and led, and when it is sent.
+"""Joint set-points for a plan: speed scaling, lead compensation and timing.
 
 The moves between two rests are one motion q(t) of plan time t. At speed s plan time passes s times
 as fast as time, so velocities are those of the plan times s. A robot that follows its set-points
@@ -9,7 +9,8 @@ limits.
 Set-points are sent on a grid on the monotonic clock (`Schedule`). A tick that comes late is not
 made up by a burst: the next one is the next of the grid that has not passed. Plan time
 (`PlanTime`) follows the clock, but by two ticks at most from one set-point to the next, and by one
-where a tick is later than `MAX_LATENESS_S`. So a busy machine makes the arm late, and never jump.
+where more than a tick and `MAX_LATENESS_S` have passed. A busy machine therefore delays the arm but
+never makes it jump.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ PEAK_STEP_S = 0.001
 """Step of the search for the greatest speed that is sent."""
 
 MAX_LATENESS_S = 0.02
-"""A tick later than this advances plan time by one tick only."""
+"""An interval longer than a tick plus this advances by one tick only."""
 
 MAX_STEP_TICKS = 2.0
+"""Maximum advance from one set-point to the next."""
 
 
 @frozen(error=SimulationError, eq=True)
@@ -205,18 +207,18 @@ class PlanTime:
     """How far plan time has come, as time passes for the arm.
 
     Attributes:
-        passed_s: so far; times the speed that is plan time.
+        motion_s: so far, as the motion is sent; times the speed it is plan time.
     """
 
     def __init__(self, now_s: float, tick_s: float = TICK_S) -> None:
         """Begin at zero."""
-        self._tick_s, self._last_s, self.passed_s = tick_s, now_s, 0.0
+        self._tick_s, self._last_s, self.motion_s = tick_s, now_s, 0.0
 
     def advance(self, now_s: float) -> float:
-        """Advance to the tick that has come; returns `passed_s`."""
+        """Advance to the tick that has come; returns `motion_s`."""
         passed_s = max(0.0, now_s - self._last_s)
         self._last_s = max(now_s, self._last_s)
         if passed_s > self._tick_s + MAX_LATENESS_S:
             passed_s = self._tick_s
-        self.passed_s += min(passed_s, MAX_STEP_TICKS * self._tick_s)
-        return self.passed_s
+        self.motion_s += min(passed_s, MAX_STEP_TICKS * self._tick_s)
+        return self.motion_s

@@ -1,4 +1,4 @@
-"""Twin: a world that follows what a robot reports, so that observers get it as any simulation.
+"""Twin: a world that follows a robot, so that observers are informed as by a simulation.
 
 Arms and fingers are where they are measured. Nothing reports bodies: they are where the plan has
 them, move with the hand that reports to grip them, and fall where it opens.
@@ -45,11 +45,7 @@ class Twin:
 
     def __init__(self, robot: Baxter, state: State, observers: Iterable[Observer]) -> None:
         """Build the world of a state; observers are informed from `begin` on."""
-        self.world = World(robot)
-        for body in state.scene:
-            self.world.spawn(body)
-        for held in state.attachments:
-            self.world.attach(held.side, held.body, held.T_link_body)
+        self.world = World.from_state(state, robot)
         unknown = GripperState(100.0, is_gripping=False, has_missed=False)
         self._reports = {side: _Report(unknown) for side in LIMBS}
         self._observers = tuple(observers)
@@ -60,10 +56,8 @@ class Twin:
         self.error: Exception | None = None
 
     def begin(self) -> None:
-        """Start the thread; the bodies of the plan are its first events."""
-        for body in self.world.scene:
-            text = f"{body.name}, where the plan has it"
-            self.put(partial(self._timeline.notify, EventKind.SPAWNED, text, body=body))
+        """Start the thread, in which observers are first informed of the state at the start."""
+        self.put(self._timeline.begin)
         self._thread = threading.Thread(target=self._run, name="observers", daemon=True)
         self._thread.start()
 

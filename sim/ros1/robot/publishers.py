@@ -14,13 +14,13 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
+from baxter_kin import quaternion_xyzw
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from sim.ros1.definitions import message_type
 from sim.ros1.node import Node, Publisher
-from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
+from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.gripper import ElectricGripper
 from sim.ros1.robot.panel import (
     ANALOG_INPUTS,
@@ -85,6 +85,8 @@ class Publishers:
         robot = baxter.world.robot
         self._arms = {s: np.array(robot.indices(robot.arm(s).joint_names)) for s in LIMBS}
         self._q = self._positions()
+        self._time_s = baxter.time_s
+        self._v = np.zeros_like(self._q)  # of head and fingers; the arms know theirs
         self._add_joints()
         for side in LIMBS:
             self._add_limb(side)
@@ -102,6 +104,11 @@ class Publishers:
     def publish(self) -> None:
         """Publish the present state on all topics that have readers."""
         self._stamp.sec, self._stamp.nanosec = divmod(time.time_ns(), NS)
+        q = self._positions()
+        passed_s = self._baxter.time_s - self._time_s  # several ticks where one was late
+        if passed_s > 0.0:
+            self._v = (q - self._q) / passed_s
+            self._q, self._time_s = q, self._baxter.time_s
         for publisher, message, fill in self._topics:
             if publisher.readers:
                 fill(message)
@@ -176,11 +183,10 @@ class Publishers:
         return q
 
     def _fill_joints(self, message: Message) -> None:
-        q = self._positions()
-        v = (q - self._q) / TICK_S  # of head and fingers; the arms know theirs
+        v = self._v.copy()
         for side, indices in self._arms.items():
             v[indices] = self._baxter.arms[side].v
-        self._q = message.position = q
+        message.position = self._q
         message.velocity = v
 
     def _fill_targets(self, message: Message) -> None:
@@ -193,7 +199,7 @@ class Publishers:
         T_base_tip, pose = arm.T_base_tip(motion.q), message.pose
         p, o = pose.position, pose.orientation
         p.x, p.y, p.z = T_base_tip.translation.tolist()
-        o.x, o.y, o.z, o.w = pin.Quaternion(T_base_tip.rotation).coeffs().tolist()
+        o.x, o.y, o.z, o.w = quaternion_xyzw(T_base_tip).tolist()
         linear, angular = message.twist.linear, message.twist.angular
         twist = (arm.jacobian(motion.q) @ motion.v).tolist()
         linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from baxter_kin.errors import PoseError
-from planner import Body, Box, Cylinder, Part, Sphere, load_object
+from planner import Body, Box, Cylinder, Part, Scene, Sphere, State, load_object
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.faces import FLOOR_Z_M
@@ -412,3 +412,14 @@ def test_what_is_no_rest_moves_nothing(robot: Baxter, rest: Any) -> None:
     world.spawn(Body("block", (Part(Sphere(0.02), at(0, 0, 0)),), at(0.7, 0.0, 0.1)))
     with pytest.raises(SimulationError, match="rest must be of class Rest"):
         world.put_to_rest("block", rest)
+
+
+def test_a_world_from_a_state_has_that_state(robot: Baxter) -> None:
+    """Also joints that no simulation would have reached, and a body in the air."""
+    joints = dict.fromkeys(robot.joint_names, 0.01)
+    state = State(Scene.of([cube("b", 0.7, 0.1, 0.3), cube("a", 0.7, 0.1, 0.25)]), joints)
+    world = World.from_state(state, robot)
+    assert world.state.joints == state.joints
+    assert world.supports == {"b": ("a",)}
+    for name, pose in world.body_poses().items():
+        assert np.array_equal(pose.homogeneous, state.scene[name].T_base_body.homogeneous)

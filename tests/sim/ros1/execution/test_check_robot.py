@@ -61,7 +61,11 @@ def silence(network: Network) -> None:
 
 COMMAND = ("/robot/limb/left/joint_command", "baxter_core_msgs/JointCommand")
 CASES: list[tuple[str, Callable[[Network], object], str]] = [
-    ("version", parameter("/rethink/software_version", "1.1.1"), "1.1.1; 1.2.x is spoken here"),
+    (
+        "version",
+        parameter("/rethink/software_version", "1.1.1"),
+        "1.1.1; only RSDK 1.2.x is supported",
+    ),
     ("version", remove_parameter("/rethink/software_version"), "software_version is missing"),
     ("state publisher", advertise("/robot/state", "baxter_core_msgs/AssemblyState"), "/stranger"),
     ("state", lambda network: network.robot.tell(stopped=True), "it was stopped"),

@@ -57,7 +57,7 @@ def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
     assert np.array_equal(sent.q_measured, [sample.q_measured for sample in samples.samples])
     assert outcome.is_success, outcome.failure
     assert outcome.stop is None
-    kinds = [kind for kind in witness.kinds if kind is not EventKind.SPAWNED]
+    kinds = witness.kinds
     grip = [EventKind.MOVE_STARTED] * 2
     assert kinds == [
         *(EventKind.ENABLED, EventKind.OPENED, *grip, EventKind.GRASPED, *grip),

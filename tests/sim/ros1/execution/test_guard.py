@@ -211,3 +211,15 @@ def test_the_guard_compares_with_the_path_and_not_ahead_of_it(approach: Approach
     v = approach.move.trajectory.sample(0.6).v
     stop = guard.check(q + 0.2 * v, q)
     assert stop is not None
+
+
+def test_the_bound_on_a_joint_is_that_of_the_move_from_its_start_on(approach: Approach) -> None:
+    """Where the last move ended the next one begins."""
+    guard, q = guarded(approach, 0.5)
+    off = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05])
+    guard.advance(0.51, q, approach.clearance)
+    assert guard.check(q + off, q) is None
+    guard.advance(0.52, q, evolve(approach.clearance, label="next", max_off_rad=0.02))
+    stop = guard.check(q + off, q)
+    assert stop is not None
+    assert (stop.cause, stop.bound) == (StopCause.JOINT_OFF, 0.02)

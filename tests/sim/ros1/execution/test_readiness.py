@@ -96,6 +96,27 @@ def test_the_other_arm_counts_where_it_is_measured(network: Network, demo_plan: 
     assert found.ready.plan.start.joints["right_s0"] == pytest.approx(network.robot.q["right_s0"])
 
 
+def test_an_arm_that_is_not_measured_is_refused_by_its_joints(
+    network: Network, demo_plan: Plan
+) -> None:
+    readings = network.link.joints._readings
+    kept = {name: each for name, each in readings.items() if name != "right_w1"}
+    network.link.joints._readings = kept
+    check = readiness._PlanCheck(network.link, demo_plan, FAST, [])
+    with pytest.raises(readiness._RefusedError, match=r"of right_w1 on .* cannot be excluded"):
+        check.ready()
+
+
+def test_a_head_that_is_not_measured_is_stated_to_be_assumed(
+    network: Network, demo_plan: Plan
+) -> None:
+    start = evolve(demo_plan.start, joints={**demo_plan.start.joints, "head_pan": 0.25})
+    found = looked(network, evolve(demo_plan, start=start))
+    assert found.ready is not None
+    assert "assumed to be 0.250 rad" in told(found, "head")
+    assert found.ready.plan.start.joints["head_pan"] == 0.25
+
+
 def test_a_robot_of_other_hands_is_refused(network: Network, demo_plan: Plan) -> None:
     other = Baxter.load(hands={"left": ElectricGripper("wide")})
     network.node.set_parameter("/robot_description", other.description.text)

@@ -12,6 +12,7 @@ from planner import Grip, Move, Plan, plan_joint_move
 from planner.motion.response import TICK_S
 from sim.errors import SimulationError
 from sim.ros1.execution.set_points import (
+    MAX_LATENESS_S,
     MAX_SPEED_RAD_S,
     Pace,
     PlanTime,
@@ -170,3 +171,19 @@ def test_a_tick_of_more_than_20_ms_late_lets_plan_time_stand_still() -> None:
 def test_a_tick_of_15_ms_late_is_caught_up_with_by_two_ticks_at_most() -> None:
     _, passed = driven([0.0, 0.015])
     assert passed == pytest.approx([0.0, 2 * TICK_S])
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "advance_s"),
+    [
+        (0.5 * TICK_S, 0.5 * TICK_S),
+        (1.5 * TICK_S, 1.5 * TICK_S),
+        (TICK_S + 0.99 * MAX_LATENESS_S, 2.0 * TICK_S),
+        (TICK_S + 1.01 * MAX_LATENESS_S, TICK_S),
+        (1.0, TICK_S),
+    ],
+)
+def test_a_long_interval_advances_plan_time_by_one_tick(
+    interval_s: float, advance_s: float
+) -> None:
+    assert PlanTime(5.0).advance(5.0 + interval_s) == pytest.approx(advance_s)

@@ -201,6 +201,14 @@ class TestArm:
         speeds = {float(np.abs(m.velocity).max()) for m in client.heard[JOINT_STATES[0]]}
         assert max(speeds) == pytest.approx(0.6)
 
+    def test_a_head_that_turned_unread_rests(self, served: RosRobot, client: Client) -> None:
+        client.enable()
+        pan = {"target": 0.5, "speed_ratio": 1.0}
+        client.say("/robot/head/command_head_pan", f"{CORE}/HeadPanCommand", **pan)
+        until(lambda: served.baxter.head.pan_rad > 0.499 and not served.baxter.head.is_turning)
+        client.now("/robot/head/head_state", f"{CORE}/HeadState")  # a tick at rest
+        assert np.abs(client.now(*JOINT_STATES).velocity).max() < 0.1  # it settles without end
+
     def test_the_speed_ratio_counts(self, served: RosRobot, client: Client) -> None:
         client.enable()
         client.say(f"{LEFT}/set_speed_ratio", "std_msgs/Float64", data=1.0)
