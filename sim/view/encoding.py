@@ -1,4 +1,4 @@
-"""What a page decodes, in few bytes: arrays as differences, msgpack, zlib and base64.
+"""Encodes the content of pages in few bytes: arrays as differences, msgpack, zlib and base64.
 
 Neighbours in an array are mostly similar: corners of a surface, samples of a motion. So each number
 is stored as its difference from the one in the previous row, zigzag-coded (0, -1, 1, -2 become

@@ -36,7 +36,7 @@ NAME = "sim.view.atlas"
 class PageOptions:
     """Options of the command."""
 
-    map: str = option(metavar="MAP", help="a folder that build_reach_map made")
+    source: str = option(metavar="MAP", help="a folder that build_reach_map made")
     file: Path = option(metavar="FILE", type=file_to_write, help="the page")
     title: str = option("--title", default=TITLE, help="shown on the page")
 
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Write the page that the arguments or the command line describe; returns the exit status."""
     options = parse(PageOptions, argv)
     try:
-        stride = write_atlas_page(options.file, ReachMap(options.map), title=options.title)
+        stride = write_atlas_page(options.file, ReachMap(options.source), title=options.title)
     except BaxterError as cause:
         sys.stderr.write(f"{NAME}: {' '.join(str(cause).split())}\n")
         return EXIT_USAGE
