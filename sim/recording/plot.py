@@ -1,4 +1,4 @@
-"""A recording drawn: every joint of an arm against its limits (matplotlib enters here).
+"""Plots every joint of an arm against its limits. The only module that imports Matplotlib.
 
 One column for each joint; position, velocity, acceleration and jerk below each other. Only the
 object-oriented interface is used, so no window is opened and no global state is touched.
@@ -34,7 +34,8 @@ STILL_RATE = 1e-6
 """Maximum rates of an arm that stands still, rad/s, rad/s^2 and rad/s^3: rounding."""
 
 MAX_VIEW = 2.5
-"""Maximum range of a panel as a multiple of the limits, since noise has large differences."""
+"""Maximum range of a panel without its margin, as a multiple of the limits' range: differences of
+noisy positions are large."""
 
 MARGIN = 0.12
 """Share of the limits' range that is shown beyond them."""
@@ -100,7 +101,10 @@ def _limbs(recording: Recording, limb: object, limits: JointLimits | None) -> tu
         return (limb,)
     if limits is not None:
         names = sorted(expect(limits, JointLimits, "limits", RecordingError).names)
-        return tuple(side for side in LIMBS if sorted(arm_joints(side)) == names) or (LIMBS[0],)
+        fitting = tuple(side for side in LIMBS if sorted(arm_joints(side)) == names)
+        if not fitting:
+            raise RecordingError(f"limits of {', '.join(limits.names)} are not those of an arm")
+        return fitting
     moved = [side for side in LIMBS if np.ptp(recording.motion(side).q, axis=0).max() > STILL_RAD]
     return tuple(moved) or LIMBS
 
@@ -147,11 +151,12 @@ def _draw_arm(
     part: Any, recording: Recording, motion: ArmMotion, limits: JointLimits, limb: str
 ) -> None:
     events = [event for event in recording.events if event.kind in _MARKS]
+    known = _known(motion)
     panels = part.subplots(len(_ROWS), len(motion.joint_names), sharex=True)
     for (key, label), axes_of_row in zip(_ROWS.items(), panels, strict=True):
         low, high = _bounds(key, limits)
         for i, axes in enumerate(axes_of_row):
-            _draw_panel(axes, motion, key, i, (float(low[i]), float(high[i])))
+            _draw_panel(axes, motion, key, i, (float(low[i]), float(high[i])), known=known)
             _draw_marks(axes, events)
         axes_of_row[0].set_ylabel(label)
     for axes, name in zip(panels[0], motion.joint_names, strict=True):
@@ -163,15 +168,20 @@ def _draw_arm(
         axes.set_xlabel("time [s]")
     panels[0, 0].set_xlim(*_time_range(recording))
     part.suptitle(_title(recording, limb), fontsize=14, fontweight="bold")
-    part.legend(*_legend(motion, events), loc="outside lower center", ncols=6, frameon=False)
+    part.legend(*_legend(motion, known, events), loc="outside lower center", ncols=6, frameon=False)
 
 
 def _draw_panel(
-    axes: Any, motion: ArmMotion, key: str, joint: int, bounds: tuple[float, float]
+    axes: Any,
+    motion: ArmMotion,
+    key: str,
+    joint: int,
+    bounds: tuple[float, float],
+    *,
+    known: NDArray[np.bool_],
 ) -> None:
     values: FloatArray = getattr(motion, key)[:, joint]
     style = "steps-post" if key == "j" else "default"  # jerks are piecewise constant
-    known = _known(motion)
     for mask, colour in ((_widened(~known), DIFFERENCE_COLOUR), (known, EXACT_COLOUR)):
         shown = np.where(mask, values, np.nan)
         axes.plot(motion.times_s, shown, color=colour, linewidth=1.3, drawstyle=style, zorder=3)
@@ -208,8 +218,8 @@ def _draw_labels(axes: Any, events: list[Event]) -> None:
 def _bounds(key: str, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
     if key == "q":
         return limits.q_min, limits.q_max
-    most: FloatArray = getattr(limits, f"{key}_max")
-    return -most, most
+    bound: FloatArray = getattr(limits, f"{key}_max")
+    return -bound, bound
 
 
 def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
@@ -244,14 +254,15 @@ def _time_range(recording: Recording) -> tuple[float, float]:
 
 def _title(recording: Recording, limb: str) -> str:
     moves = sum(move.limb == limb for move in recording.moves)
-    said = f", {moves} move{'' if moves == 1 else 's'}" if moves else ""
-    return f"{limb.capitalize()} arm: {recording.duration_s:.2f} s{said}"
+    suffix = f", {moves} move{'' if moves == 1 else 's'}" if moves else ""
+    return f"{limb.capitalize()} arm: {recording.duration_s:.2f} s{suffix}"
 
 
-def _legend(motion: ArmMotion, events: list[Event]) -> tuple[list[Any], list[str]]:
+def _legend(
+    motion: ArmMotion, known: NDArray[np.bool_], events: list[Event]
+) -> tuple[list[Any], list[str]]:
     from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
 
-    known = _known(motion)
     entries: dict[str, Any] = {}
     if motion.is_exact.any():
         entries["exact, from the recorded moves"] = Line2D([], [], color=EXACT_COLOUR)

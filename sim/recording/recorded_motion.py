@@ -174,31 +174,36 @@ def arm_motion(
         moves: all moves of that arm, as they were recorded.
         with_knots: whether to add the times where the jerk of a move changes, so that every
             extreme of the acceleration is there.
+
+    Raises:
+        RecordingError: when there are no samples.
     """
+    if not len(times_s):
+        raise RecordingError("times_s must have at least one sample")
     pieces, is_left = [], np.ones(len(times_s), dtype=bool)
     for move in moves:
         rows = _explained_rows(move, joint_names, times_s, q)
         rows = rows[is_left[rows]]  # at the time where two moves meet, the first has it
         if rows.size:
             is_left[rows] = False
-            times = times_s[rows]
-            pieces.append(
-                _of_move(move, joint_names, _knotted(move, times) if with_knots else times)
-            )
+            times = _knotted(move, times_s, rows) if with_knots else times_s[rows]
+            pieces.append(_of_move(move, joint_names, times))
     pieces += [_of_samples(joint_names, times_s[run], q[run]) for run in _runs(is_left)]
     pieces.sort(key=lambda piece: float(piece.times_s[0]))
     return _joined(joint_names, pieces)
 
 
 def _joined(joint_names: tuple[str, ...], pieces: Sequence[ArmMotion]) -> ArmMotion:
+    times_s = np.concatenate([piece.times_s for piece in pieces])
+    order = np.argsort(times_s, kind="stable")  # knots of two moves can meet between two samples
     return ArmMotion(
         joint_names,
-        times_s=np.concatenate([piece.times_s for piece in pieces]),
-        q=np.concatenate([piece.q for piece in pieces]),
-        v=np.concatenate([piece.v for piece in pieces]),
-        a=np.concatenate([piece.a for piece in pieces]),
-        j=np.concatenate([piece.j for piece in pieces]),
-        is_exact=np.concatenate([piece.is_exact for piece in pieces]),
+        times_s=times_s[order],
+        q=np.concatenate([piece.q for piece in pieces])[order],
+        v=np.concatenate([piece.v for piece in pieces])[order],
+        a=np.concatenate([piece.a for piece in pieces])[order],
+        j=np.concatenate([piece.j for piece in pieces])[order],
+        is_exact=np.concatenate([piece.is_exact for piece in pieces])[order],
     )
 
 
@@ -213,12 +218,19 @@ def _explained_rows(
     return rows[: wrong[0]] if wrong.size else rows
 
 
-def _knotted(move: RecordedMove, times: FloatArray) -> FloatArray:
-    """Those times, and the knots of the move between them and at its ends, if it came to them."""
+def _knotted(move: RecordedMove, times_s: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
+    """The times of the rows, and the knots between them and their neighbours.
+
+    A row within the move that it does not explain shows that the move was cut short, so knots
+    after the last explained row were perhaps never reached.
+    """
+    before = times_s[max(rows[0] - 1, 0)]
+    after = times_s[min(rows[-1] + 1, len(times_s) - 1)]
+    if after <= move.end_s + ROUNDING_S:
+        after = times_s[rows[-1]]
     knots = move.start_s + move.trajectory.knots_s
-    step = np.diff(times).max(initial=ROUNDING_S) + ROUNDING_S
-    reached = (knots >= times[0] - step) & (knots <= times[-1] + step)
-    return np.union1d(times, knots[reached])
+    reached = (knots >= before - ROUNDING_S) & (knots <= after + ROUNDING_S)
+    return np.union1d(times_s[rows], np.clip(knots[reached], before, after))
 
 
 def _of_move(move: RecordedMove, joint_names: tuple[str, ...], times: FloatArray) -> ArmMotion:

@@ -55,7 +55,10 @@ class RecordingBuilder:
         self._samples: deque[RecordedSample] = deque()
 
     def add(self, entry: Entry) -> None:
-        """Add an entry. If there are too many snapshots, the oldest and what ended before drop."""
+        """Add an entry.
+
+        Beyond `keep` snapshots, drop the oldest one and the entries that ended before the next.
+        """
         if isinstance(entry, Row):
             drops = len(self.rows) == self.rows.maxlen
             self.rows.append(entry)
@@ -77,7 +80,7 @@ class RecordingBuilder:
     def build(self) -> Recording:
         """Make a recording; what is added later does not change it."""
         if not self.rows:
-            raise RecordingError("the recording is empty: nothing was simulated")
+            raise RecordingError("the recording is empty: no snapshot was recorded")
         absent = np.full(7, np.nan)
         return Recording(
             joint_names=self.joint_names,

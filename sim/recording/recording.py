@@ -169,7 +169,7 @@ class Recording:
     def __attrs_post_init__(self) -> None:
         rows = len(self.times_s)
         if rows == 0:
-            raise RecordingError("the recording is empty: nothing was simulated")
+            raise RecordingError("the recording is empty: no snapshot was recorded")
         if not (np.diff(self.times_s) > 0.0).all():
             raise RecordingError("times_s must increase from one snapshot to the next")
         if self.limbs not in (LIMBS, *((side,) for side in LIMBS)):

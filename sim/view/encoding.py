@@ -1,4 +1,4 @@
-"""What a page decodes, in few bytes: arrays as differences, msgpack, zlib and base64.
+"""Encodes the content of pages in few bytes: arrays as differences, msgpack, zlib and base64.
 
 Neighbours in an array are mostly similar: corners of a surface, samples of a motion. So each number
 is stored as its difference from the one in the previous row, zigzag-coded (0, -1, 1, -2 become
@@ -47,7 +47,7 @@ _MAX_NUMBER = 2**30
 """Coded numbers are below this, so that zigzag-coded differences have 32 bits."""
 
 
-def encoded(content: Command) -> str:
+def encoded(content: Mapping[str, Any]) -> str:
     """A page's content as ASCII."""
     compressed = zlib.compress(packed(delta_coded(content)), level=9)
     return base64.b64encode(compressed).decode("ascii")
@@ -58,15 +58,20 @@ def packed(command: object) -> bytes:
     return bytes(umsgpack.packb(command, ext_handlers={np.ndarray: _extension}))
 
 
-def shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
-    """The geometries by name, each once; the commands keep only the names."""
+def shared_geometries(
+    commands: Iterable[Command],
+) -> tuple[dict[str, Command], list[Command]]:
+    """The geometries by name, each once, and the commands with only the names of theirs."""
     shared: dict[str, Command] = {}
+    named: list[Command] = []
     for command in commands:
         if command["type"] == "set_object":
             drawn = command["object"]
             shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
-            drawn["geometries"] = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
-    return shared
+            names = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
+            command = command | {"object": drawn | {"geometries": names}}  # noqa: PLW2901
+        named.append(command)
+    return shared, named
 
 
 def array_name(values: NDArray[Any]) -> str:
@@ -141,5 +146,7 @@ def _planes(codes: NDArray[np.int64]) -> NDArray[np.uint8]:
 
 
 def _extension(values: NDArray[Any]) -> Any:
+    if values.dtype.name not in _EXTENSIONS:
+        raise TypeError(f"pages have no arrays of {values.dtype}; use {', '.join(_EXTENSIONS)}")
     little_endian = values.astype(values.dtype.newbyteorder("<"), copy=False)
     return umsgpack.Ext(_EXTENSIONS[values.dtype.name], little_endian.tobytes())

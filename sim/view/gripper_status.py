@@ -1,4 +1,4 @@
-"""What the grippers do, in words that a viewer shows: open, closing, holding the block, missed.
+"""Gripper phases as text for viewers: open, closing, holding the block, missed.
 
 Positions alone do not determine it: fingers at rest half open may hold something or not. Events do;
 those without a side, as in the first recordings, have no effect here.
@@ -15,8 +15,12 @@ from sim.events import Event, EventKind
 from sim.recording.recorded_motion import finger_joints
 from sim.recording.recording import Recording
 
+MOTION_TOLERANCE_PERCENT = 0.1
+"""Fingers at rest begin to move when they are farther than this from where they came to rest: the
+noise of a real gripper is smaller."""
+
 MIN_CHANGE_PERCENT = 1e-6
-"""Fingers that have moved less since the last observation are at rest."""
+"""Moving fingers that advance by less between two observations have come to rest."""
 
 END_TOLERANCE_PERCENT = 0.5
 """Within this distance from an end, fingers are fully open or closed."""
@@ -58,7 +62,7 @@ _CLOSING = GripperPhase("closing", GripperMood.MOVING)
 
 
 class GripperStatus:
-    """Follows both grippers.
+    """Tracks the phase of each gripper from positions and events.
 
     Attributes:
         phases: what each gripper does now, by side; empty before the first observation.
@@ -66,14 +70,18 @@ class GripperStatus:
 
     def __init__(self) -> None:
         self.phases: dict[str, GripperPhase] = {}
-        self._percents: dict[str, float] = {}
+        self._percents: dict[str, float] = {}  # at the last change
 
     def on_percents(self, percents: Mapping[str, float]) -> None:
         """Process positions by side, 0 closed .. 100 open."""
         for side, percent in percents.items():
             change = percent - self._percents.get(side, percent)
-            self._percents[side] = percent
-            self.phases[side] = _next_phase(self.phases.get(side), percent, change)
+            phase = _next_phase(self.phases.get(side), percent, change)
+            is_at_rest = phase.mood in (GripperMood.EMPTY, GripperMood.MISSED)
+            if not is_at_rest or abs(change) > MOTION_TOLERANCE_PERCENT:
+                self._percents[side] = percent
+            self._percents.setdefault(side, percent)
+            self.phases[side] = phase
 
     def on_event(self, event: Event) -> None:
         """Process an event."""
@@ -99,20 +107,18 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
     The timeline is empty for a hand without fingers and for an arm that was not recorded. At the
     beginning of a cut recording, phases follow from the fingers' positions alone.
     """
-    fingered = set(sides_with_fingers(recording.joint_names)).intersection(recording.limbs)
-    status, start_s = GripperStatus(), float(recording.times_s[0])
+    sides = set(sides_with_fingers(recording.joint_names)).intersection(recording.limbs)
+    status, (start_s, end_s) = GripperStatus(), recording.times_s[[0, -1]].tolist()
     timelines: dict[str, list[tuple[float, GripperPhase]]] = {side: [] for side in LIMBS}
     # an event comes after the snapshot of its own time
     steps: list[tuple[float, int, Event | dict[str, float]]] = [
-        (event.time_s, 1, event) for event in recording.events if event.time_s >= start_s
+        (event.time_s, 1, event) for event in recording.events if start_s <= event.time_s <= end_s
     ]
     for time_s, row in zip(recording.times_s.tolist(), recording.gripper_percent, strict=True):
         percents = zip(LIMBS, row.tolist(), strict=True)
-        steps.append((time_s, 0, {side: each for side, each in percents if side in fingered}))
+        steps.append((time_s, 0, {side: each for side, each in percents if side in sides}))
     for time_s, _, item in sorted(steps, key=lambda each: each[:2]):
         if isinstance(item, Event):
-            if time_s >= recording.times_s[-1]:
-                break
             status.on_event(item)
         else:
             status.on_percents(item)
@@ -123,14 +129,14 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
 
 
 def _next_phase(phase: GripperPhase | None, percent: float, change: float) -> GripperPhase:
-    """The phase after the fingers have moved by `change`."""
+    """The phase after the fingers have moved by `change` since the last change."""
     if phase is not None and phase.is_holding:
         return phase
-    if change > MIN_CHANGE_PERCENT:
+    if change > (MIN_CHANGE_PERCENT if phase == _OPENING else MOTION_TOLERANCE_PERCENT):
         return _OPENING
     if phase is not None and phase.mood is GripperMood.MISSED:
         return phase
-    if change < -MIN_CHANGE_PERCENT:
+    if -change > (MIN_CHANGE_PERCENT if phase == _CLOSING else MOTION_TOLERANCE_PERCENT):
         return _CLOSING
     words = f"{percent:.0f} % open"
     if percent >= 100.0 - END_TOLERANCE_PERCENT:

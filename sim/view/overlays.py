@@ -29,32 +29,49 @@ from sim.view.meshcat_commands import (
 from sim.view.scenegraph import RobotTree, body_commands, part_command
 
 NEAREST_PATH = "/nearest"
+"""Node of the line between the nearest pair."""
+
 NEAREST_RGB: Rgb = (0.78, 0.10, 0.42)
-"""Node and colour of the line between the nearest pair."""
+"""Colour of that line."""
 
 GHOST_PATH = "/ghost"
+"""Node of the other recording."""
+
 GHOST_RGB: Rgb = (0.24, 0.33, 0.78)
+"""Colour of the other recording."""
+
 GHOST_OPACITY = 0.34
-"""Node, colour and opacity of the other recording."""
+"""Opacity of the other recording."""
 
 MIN_DIFFERENCE = 1e-4
 """Joints that differ by no more than this, rad or m, are drawn once."""
 
 GOALS_PATH = "/goals"
+"""Node of the goals."""
+
 GOAL_RGB: Rgb = (0.05, 0.60, 0.55)
+"""Colour of goals."""
+
 GOAL_OPACITY = 0.36
+"""Opacity of goals."""
+
 MAX_GOALS = 24
+"""Maximum number of goals; the first ones are drawn."""
+
 SAME_GOAL = 1e-3
-"""Node, colour and opacity of goals, the number of those that are drawn, the first ones, and the
-maximum difference of equal poses, m and parts of a quaternion."""
+"""Maximum difference of equal poses, m and parts of a quaternion."""
 
 AXES_RGB: tuple[Rgb, Rgb, Rgb] = ((0.85, 0.12, 0.12), (0.10, 0.60, 0.16), (0.12, 0.32, 0.90))
-AXIS_RADIUS = 0.02
-JOINT_AXES_M = 0.10
-END_AXES_M = 0.16
-"""Colours of the axes x, y and z of frames, their radius as a share of the length, and their length
-at joints, and at base and tips."""
+"""Colours of the axes x, y and z of frames."""
 
+AXIS_RADIUS = 0.02
+"""Radius of axes as a share of their length."""
+
+JOINT_AXES_M = 0.10
+"""Length of axes at joints."""
+
+END_AXES_M = 0.16
+"""Length of axes at base and tips."""
 
 _LAYERS = (
     ("robot", "Robot", True),
@@ -96,13 +113,13 @@ def frame_commands(robot: Baxter, tree: RobotTree) -> Iterator[Command]:
 
     Their nodes are `frame_paths`.
     """
-    model, ends = robot.model, _ends(robot)
+    model, ends, axes = robot.model, _ends(robot), _axes()
     for path, frame in zip(frame_paths(robot, tree), [*ends, *_arm_joints(robot)], strict=True):
         length_m = END_AXES_M if frame in ends else JOINT_AXES_M
         placement = pin.SE3.Identity()
         if frame in ends and frame:
             placement = model.frames[model.getFrameId(frame)].placement
-        yield set_object(path, _axes(), _AXES_SURFACE, _scaled(length_m))
+        yield set_object(path, axes, _AXES_SURFACE, _scaled(length_m))
         yield set_transform(path, placement)
 
 
@@ -159,10 +176,10 @@ def ghost_of(other: Recording, recording: Recording) -> Recording:
     return evolve(other, bodies=bodies, body_poses={n: other.body_poses[n] for n in kept})
 
 
-def moving_parts(
+def varying_parts(
     appearance: Appearance, robot: Baxter, one: Recording, other: Recording
 ) -> Appearance:
-    """The parts of the robot that move differently in two recordings."""
+    """The parts of the robot that are not at one constant pose in both recordings."""
     q = np.concatenate([one.q, other.q])
     differing = {
         robot.model.getJointId(name)

@@ -39,8 +39,8 @@ from sim.view.overlays import (
     ghost_of,
     goal_commands,
     layers,
-    moving_parts,
     nearest_command,
+    varying_parts,
 )
 from sim.view.panel import recorded_arms, waypoints
 from sim.view.scenegraph import RobotTree, body_commands, stage_commands
@@ -213,7 +213,7 @@ def replay_content(
     if compare is not None:
         duration_s = max(duration_s, compare.duration_s)
         other = ghost_of(compare, recording)
-        parts = moving_parts(appearance, robot, recording, other)
+        parts = varying_parts(appearance, robot, recording, other)
         ghost_tree = RobotTree(robot.model, parts, GHOST_PATH)
         ghost += ghost_commands(other, ghost_tree)
         tracks += recorded_tracks(other, ghost_tree, GHOST_PATH)
@@ -230,8 +230,9 @@ def replay_content(
         *([] if clearance is None else [nearest_command()]),
         *animation_commands(tracks, duration_s),
     ]
+    geometries, commands = shared_geometries(commands)
     return {
-        "geometries": shared_geometries(commands),
+        "geometries": geometries,
         "commands": commands,
         "duration": duration_s,
         **_timeline(recording, phases, pieces),

@@ -29,13 +29,14 @@ NAME = "sim.view.atlas"
         "python -m sim.view.atlas coarse.zarr reach.html",
         "python -m sim.view.atlas mine.zarr mine.html --title 'Our left arm'",
     ),
-    end="Exit status: 0 written; 2 wrong usage, no map, or the file cannot be written.",
+    end="Exit status: 0 written; 2 wrong usage, the map cannot be read, or the file cannot be "
+    "written.",
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageOptions:
     """Options of the command."""
 
-    map: str = option(metavar="MAP", help="a folder that build_reach_map made")
+    source: str = option(metavar="MAP", help="a folder that build_reach_map made")
     file: Path = option(metavar="FILE", type=file_to_write, help="the page")
     title: str = option("--title", default=TITLE, help="shown on the page")
 
@@ -44,13 +45,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Write the page that the arguments or the command line describe; returns the exit status."""
     options = parse(PageOptions, argv)
     try:
-        every = write_atlas_page(options.file, ReachMap(options.map), title=options.title)
+        stride = write_atlas_page(options.file, ReachMap(options.source), title=options.title)
     except BaxterError as cause:
         sys.stderr.write(f"{NAME}: {' '.join(str(cause).split())}\n")
         return EXIT_USAGE
-    thinned = f", with one of {every} positions along each axis, since more do not fit"
+    thinned = f", with one of {stride} positions along each axis, since more do not fit"
     size_mb = options.file.stat().st_size / 1e6
-    sys.stdout.write(f"{options.file}: {size_mb:.1f} MB{thinned if every > 1 else ''}\n")
+    sys.stdout.write(f"{options.file}: {size_mb:.1f} MB{thinned if stride > 1 else ''}\n")
     return 0
 
 

@@ -116,8 +116,9 @@ def _content(reach_map: ReachMap, shown: ShownMap) -> Command:
     robot, rotations = reach_map.robot, reach_map.rotations
     tree = RobotTree(robot.model, Appearance.of(robot))
     commands = [*stage_commands(), *tree.commands(), *_posture(robot, tree)]
+    geometries, commands = shared_geometries(commands)
     return {
-        "geometries": shared_geometries(commands),
+        "geometries": geometries,
         "commands": commands,
         "map": {
             "low": shown.low_m.tolist(),

@@ -16,7 +16,7 @@ from planner import Trajectory, plan_joint_move
 from sim import Recording
 from sim.errors import RecordingError
 from sim.recording import RecordedMove
-from sim.recording.recorded_motion import ArmMotion, arm_motion
+from sim.recording.recorded_motion import AGREEMENT_RAD, ArmMotion, arm_motion
 
 EXACT = 1e-9
 """Sums and differences of times below 10 s."""
@@ -159,3 +159,23 @@ def test_whether_it_is_exact_is_told_for_every_time(is_exact: Any) -> None:
     assert ArmMotion(names, np.zeros(1), row, row, row, row, np.ones(1, dtype=bool))
     with pytest.raises(RecordingError, match="is_exact"):
         ArmMotion(names, np.zeros(1), row, row, row, row, is_exact)
+
+
+@given(st.floats(0.2, 1.5), st.floats(0.0, 1.5), st.floats(0.0, 0.5), st.floats(0.005, 0.1))
+def test_knots_of_cut_moves_with_gaps_lie_between_samples(
+    move: RecordedMove, until_s: float, gap_s: float, gap_length_s: float, tick_s: float
+) -> None:
+    times = np.arange(0.0, 2.5, tick_s)
+    times = times[(times < gap_s) | (times > gap_s + gap_length_s)]
+    q = recorded(move, times, until_s)
+    motion = arm_motion(move.joint_names, times, q, [move], with_knots=True)
+    assert (np.diff(motion.times_s) >= 0.0).all()
+    assert set(times) <= set(motion.times_s)
+    contradicted = np.abs(recorded(move, times) - q).max(axis=1) > AGREEMENT_RAD
+    cut_s = times[contradicted].min(initial=np.inf)
+    assert (motion.times_s[motion.is_exact] < cut_s).all()
+
+
+def test_a_motion_without_samples_is_refused(left: Arm) -> None:
+    with pytest.raises(RecordingError, match="at least one sample"):
+        arm_motion(left.joint_names, np.zeros(0), np.zeros((0, 7)), [])

@@ -103,7 +103,7 @@ def test_a_body_removed_later_is_remembered(recording: Recording) -> None:
 def test_nothing_simulated_is_no_recording(robot: Baxter) -> None:
     recorder = Recorder(robot)
     assert not recorder.has_snapshots
-    with pytest.raises(RecordingError, match="nothing was simulated"):
+    with pytest.raises(RecordingError, match="no snapshot"):
         recorder.recording()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import copy
 import zlib
 from typing import Any
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
-from sim.view.encoding import MIN_CODED, delta_coded, packed
+from sim.view.encoding import MIN_CODED, delta_coded, packed, shared_geometries
 from tests.sim.conftest import Watched
 from tests.sim.view.replay_decoding import added_up
 
@@ -90,3 +91,20 @@ def test_the_page_adds_them_up_to_the_same(story: Watched) -> None:
     )
     for name, values in wanted.items():
         assert found[name] == [f"{name.capitalize()}Array", values.tolist()]
+
+
+def test_sharing_geometries_leaves_the_commands_alone() -> None:
+    geometry = {"uuid": "a", "type": "BoxGeometry"}
+    command = {"type": "set_object", "path": "/b", "object": {"geometries": [geometry]}}
+    given_before = copy.deepcopy(command)
+    geometries, commands = shared_geometries([command, {"type": "delete"}])
+    assert command == given_before
+    assert geometries == {"a": geometry}
+    assert commands[0]["object"]["geometries"] == [{"uuid": "a"}]
+    assert commands[1] == {"type": "delete"}
+
+
+@pytest.mark.parametrize("kind", ["float64", "int64"])
+def test_arrays_that_pages_lack_are_refused_by_name(kind: str) -> None:
+    with pytest.raises(TypeError, match=kind):
+        packed(np.zeros(3, dtype=kind))

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin.fields import evolve
 from planner import Body
@@ -124,3 +126,27 @@ def test_a_hand_without_fingers_has_no_gripper_status(executed: Recording) -> No
 def test_an_arm_that_was_not_recorded_has_no_gripper_status(executed: Recording) -> None:
     left_alone = evolve(executed, limbs=("left",))
     assert gripper_timelines(left_alone)["right"] == []
+
+
+@given(st.lists(st.floats(-0.04, 0.04), min_size=1, max_size=50))
+def test_a_resting_real_gripper_does_not_move(noise: list[float]) -> None:
+    story = GripperStatus()
+    for each in noise:
+        story.on_percents({"left": 50.3 + each})
+        assert story.phases["left"].words == "50 % open"
+
+
+@pytest.mark.parametrize(("step", "words"), [(0.03, "opening"), (-0.03, "closing")])
+def test_slow_motion_is_motion(step: float, words: str) -> None:
+    story = GripperStatus()
+    for i in range(100):
+        story.on_percents({"left": 50.0 + step * i})
+        assert i < 5 or story.phases["left"].words == words
+
+
+def test_a_grasp_at_the_last_time_is_in_the_timeline(executed: Recording, block: Body) -> None:
+    end_s = float(executed.times_s[-1])
+    grasp = evolve(told(EventKind.GRASPED, body=block), time_s=end_s)
+    phases = gripper_timelines(evolve(executed, events=(*executed.events, grasp)))["left"]
+    assert phases[-1][0] == end_s
+    assert phases[-1][1].is_holding

@@ -19,8 +19,8 @@ from sim.view.overlays import (
     ghost_commands,
     ghost_of,
     goal_commands,
-    moving_parts,
     nearest_command,
+    varying_parts,
 )
 from sim.view.scenegraph import RobotTree
 
@@ -128,7 +128,7 @@ def test_there_are_not_more_goals_than_allowed(
 def test_a_ghost_has_only_the_parts_that_can_differ(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
-    parts = moving_parts(appearance, robot, executed, executed).parts
+    parts = varying_parts(appearance, robot, executed, executed).parts
     assert parts
     assert {part.joint.split("_")[0] for part in parts} == {"left", "l"}
 
