@@ -204,7 +204,7 @@ def read_log(path: Path) -> NotedRecording:
     if reader is None:
         raise RecordingError(f"{shown_path(path)} is empty, or was cut in its first line")
     if not reader.builder.rows:
-        raise RecordingError(f"{shown_path(path)} has no snapshot: nothing was simulated")
+        raise RecordingError(f"{shown_path(path)} has no snapshot: no snapshot was recorded")
     notes += [*unknown_bodies(reader.builder), *reader.end_notes()]
     return NotedRecording(reader.builder.build(), tuple(notes))
 
