@@ -1,7 +1,6 @@
 """The demo's report: its numbers, printed while it runs and written as JSON.
 
-Each number is computed once and has one name, that of the JSON file; `COLUMNS` and `SUMMARY` are
-the phrases in which numbers are printed.
+`COLUMNS` and `SUMMARY` are the phrases in which numbers are printed.
 """
 
 from __future__ import annotations
@@ -21,14 +20,14 @@ from sim import Event, EventKind, Observer, Outcome
 from sim.demo.options import DemoOptions, Point
 
 MAX_CYCLES, MAX_EVENTS = 100, 1000
-"""A report keeps the last ones; a run with --forever soon has more."""
+"""Maximum number of cycles and events kept; older ones are dropped."""
 
 Json: TypeAlias = dict[str, Any]
 
 LEGEND = """\
 A row is a move of the arm. IK seed: the joint angles from which inverse kinematics found the
-pose; optimised by: how far a joint then went on, to the solution of the same pose that makes
-the motion fastest. Residual: how far the answer is off the pose. See docs/concepts/ik.md"""
+pose; optimised by: largest joint change from that solution to the one with the fastest motion.
+Residual: pose error of the solution. See docs/concepts/ik.md"""
 
 COLUMNS = (
     ("stage", 17, "{label}"),
@@ -36,7 +35,7 @@ COLUMNS = (
     ("residual", 20, "{position_error_m:.0e} m, {orientation_error_rad:.0e} rad"),
     ("time", 0, "{duration_s:.3f} s"),
 )
-"""Of a row for a move: heading, width, and what it says."""
+"""Columns of a move's row: heading, width, format."""
 
 SUMMARY = (
     ("block: from {block_start_m} to {block_final_m} m in base",),
@@ -47,11 +46,12 @@ SUMMARY = (
     ),
     (
         "from grasp to release: {transfer_ratio:.2f} times as long as the fastest direct joint "
-        "motion, which heeds\n  neither lines nor obstacles (see docs/concepts/motion_program.md)",
+        "motion, which ignores\n  straight lines and obstacles "
+        "(see docs/concepts/motion_program.md)",
     ),
     (
-        "clearance: {min_clearance_mm:.1f} mm where the arm came nearest to what it is not meant "
-        "to touch",
+        "planned clearance: {min_clearance_mm:.1f} mm to the nearest thing that the arm is not "
+        "meant to touch",
     ),
 )
 """Lines at the end of a run; a phrase is left out where one of its numbers is not known."""
@@ -75,7 +75,7 @@ class Report(Observer):
 
     def __init__(self, options: DemoOptions) -> None:
         self.options = options
-        self.failure: str | None = "it did not finish"
+        self.failure: str | None = "the run did not finish"
         self.planning_time_s = self.wall_time_s = 0.0
         self.block_start_m: Point | None = None
         self.block_final_m: Point | None = None
@@ -84,7 +84,7 @@ class Report(Observer):
         self._cycles_done = 0
         self._min_clearance_m: float | None = None
         self._motion_s = self._simulated_s = self._transfer_s = self._bound_s = 0.0
-        self._is_explained = False
+        self._has_printed_legend = False
 
     def say(self, text: str) -> None:
         """Print one line, unless quiet."""
@@ -95,14 +95,14 @@ class Report(Observer):
         """Print a row for a move, and other events when verbose, or when a block is concerned."""
         self._events.append(event)
         if event.move is not None:
-            self.say(row_of(event.move))
+            self.say(format_move(event.move))
         elif event.kind in _NOTABLE or self.options.is_verbose:
             self.say(f"  {event.text}")
 
     def start_cycle(self, cycle: int, pick_m: Point, place_m: Point) -> None:
         """Print the heading of a cycle and of its rows."""
-        if not self._is_explained:
-            self._is_explained = True
+        if not self._has_printed_legend:
+            self._has_printed_legend = True
             self.say(LEGEND)
         self.say(CYCLE.format(cycle=cycle, pick_m=_point(pick_m), place_m=_point(place_m)))
         self.say(_aligned([heading for heading, _, _ in COLUMNS]))
@@ -168,10 +168,7 @@ class Report(Observer):
             "block_start_m": self.block_start_m and _point(self.block_start_m),
             "block_final_m": self.block_final_m and _point(self.block_final_m),
             "min_clearance_mm": None if least_m is None else 1e3 * least_m,
-            "transfer_ratio": _ratio(self._transfer_s, self._bound_s),
         }
-        if not self._cycles_done:
-            numbers["cycle_time_s"] = None
         for phrases in SUMMARY:
             line = "".join(_filled(phrase, numbers) for phrase in phrases)
             if line:
@@ -220,14 +217,15 @@ class Report(Observer):
             "cycles_done": done,
             "min_clearance_m": self._min_clearance_m,
             "motion_time_s": self._motion_s,
-            "cycle_time_s": self._simulated_s / done if done else 0.0,
+            "cycle_time_s": self._simulated_s / done if done else None,
+            "transfer_ratio": _ratio(self._transfer_s, self._bound_s),
             "planning_time_s": self.planning_time_s,
             "wall_time_s": self.wall_time_s,
         }
 
 
-def row_of(move: Move) -> str:
-    """The row of a move, as `COLUMNS` says."""
+def format_move(move: Move) -> str:
+    """Return the row of a move, formatted by `COLUMNS`."""
     numbers = {**_move(move), "seed_label": move.seed_label}
     if move.ik is not None:
         numbers = {**_waypoint(move.label, move.ik, move.moved_rad), **numbers}
@@ -304,8 +302,8 @@ def _noise(options: DemoOptions) -> Json | None:
 
 
 def _ratio(time_s: float, bound_s: float) -> float | None:
-    """None for a bound of 0, when the place is where the pick was."""
-    return time_s / bound_s if bound_s > 0.0 else None
+    """None for a bound of 0, when the place is where the pick was, and for an infinite one."""
+    return time_s / bound_s if 0.0 < bound_s < math.inf else None
 
 
 def _filled(phrase: str, numbers: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
 from baxter_kin.validation import FloatArray
 from planner import (
+    Body,
     LineTolerance,
     Manipulator,
     PickAndPlace,
@@ -49,16 +50,16 @@ def run_demo(options: DemoOptions, interrupt: Interrupt) -> int:
     """Run the demo; returns the exit status, or raises KeyboardInterrupt once all is cleaned up."""
     report = Report(options)
 
-    def complain(text: str) -> None:
+    def print_error(text: str) -> None:
         print(f"baxter-demo: {text}", file=sys.stderr, flush=True)
 
-    with log_shown(report.say, complain, ("baxter_kin", "sim")):
+    with log_shown(report.say, print_error, ("baxter_kin", "sim")):
         try:
             _Demo(options, interrupt, report).run()
         except BaxterError as error:
             report.failure = str(error)
     if report.failure is not None:
-        complain(report.failure)
+        print_error(report.failure)
     return 0 if report.failure is None else 1
 
 
@@ -95,6 +96,8 @@ class _Demo:
         noise, rng = Noise(options.noise_m, options.noise_rad), np.random.default_rng(options.seed)
         self._poses = NoisyPoses(self._truth, noise, rng)
         self._T_block_tip: pin.SE3 | None = None
+        self._upright: Body | None = None
+        self._play_back: Callable[[Plan], None] = lambda _: None
 
     def run(self) -> None:
         """Run all of it; the report says how it ended, and is written in any case."""
@@ -107,7 +110,7 @@ class _Demo:
         except BaxterError as error:
             report.failure = str(error)
         except OSError as error:
-            report.failure = f"cannot write its output: {error.strerror}"
+            report.failure = f"operating system error: {error}"
             raise
         finally:
             report.wall_time_s = time.perf_counter() - self._started_s
@@ -128,7 +131,7 @@ class _Demo:
                 report.failure = self._execute(simulation)
                 if viewer is not None:
                     viewer.close(report.failure or "")
-            report.wall_time_s = time.perf_counter() - self._started_s
+            report.wall_time_s = time.perf_counter() - self._started_s  # before the summary
             report.finish()
 
     @contextmanager
@@ -169,12 +172,14 @@ class _Demo:
         ends_m = poses_m[(number - 1) % len(poses_m)], poses_m[number % len(poses_m)]
         report.start_cycle(number, *ends_m)
         task = PickAndPlace(BLOCK, overhead(ends_m[0]), overhead(ends_m[1]), options.hover_m)
-        attempts, title = count(1), f"cycle {number}, "
+        title = f"cycle {number}, "
 
-        def planned(asked: PickAndPlace, _: Manipulator, scene: Scene, q: FloatArray) -> Plan:
-            if (attempt := next(attempts)) > 1:
+        def on_attempt(attempt: int) -> None:
+            if attempt > 1:
                 report.say(f"  tries again, attempt {attempt} of {1 + (options.retries or 0)}")
-            plan = self._planned_cycle(asked, scene, q)
+
+        def planned(perceived: PickAndPlace, _: Manipulator, scene: Scene, q: FloatArray) -> Plan:
+            plan = self._planned_cycle(perceived, scene, q)
             report.add_plan(number, *ends_m, plan, self._transfer_bound_s(task))
             return plan
 
@@ -186,7 +191,12 @@ class _Demo:
             outcome = simulation.execute(plan, title, unverified=True)
         else:
             loop = ClosedLoop(
-                simulation, self._manipulator, self._poses, retries=options.retries, plan=planned
+                simulation,
+                self._manipulator,
+                self._poses,
+                retries=options.retries,
+                plan=planned,
+                on_attempt=on_attempt,
             )
             started_s = simulation.time_s
             result = loop.pick_and_place(self._transfer(task), title)
@@ -204,7 +214,7 @@ class _Demo:
     def _transfer(self, task: PickAndPlace) -> Transfer:
         """The task relative to the block, which is grasped and put down by its middle."""
         block = self._world.body(BLOCK)
-        if self._T_block_tip is None:
+        if self._T_block_tip is None or self._upright is None:
             self._T_block_tip = centred_below(block, task.T_base_pick).inverse() * task.T_base_pick
             self._upright = block
         goal = centred_below(self._upright, task.T_base_place)

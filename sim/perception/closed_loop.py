@@ -1,18 +1,19 @@
-"""Closed loop: observe, pick, check by the fingers whether something is held, and retry if not.
+"""Closed loop: observe, pick, check by the fingers whether the body is held, and retry if not.
 
-One attempt observes every movable body, plans in the scene that results, and executes the plan up
-to the closing of the fingers. Their position alone decides whether they hold the body, as on the
-robot: pads that are more or less apart than the body is wide have missed it. After a miss the arm
-opens its hand, rises, and observes again, once more often than before: it uses the mean of these
-sightings. Those before the miss are discarded, as the miss may have moved the body. A held body is
-placed, and observed once more.
+An attempt observes all movable bodies, plans in the resulting scene, and executes the plan up to
+and including the closing of the fingers. As on the robot, the finger position alone then decides
+whether the body is held: the distance between the pads must equal its width. After a miss the arm
+opens its hand and rises. Each retry uses the mean of one sighting more than the attempt before;
+earlier sightings are discarded, since the miss may have moved the body. A held body is placed and
+observed once more. When placing fails, the loop ends and the hand stays closed.
 
-A sighting is assumed to stand level on what is below it, which is better than any measured height.
+Bodies are assumed to stand level on what is below them, so the observed height is not used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from enum import Enum, auto
 from typing import TypeAlias
 
 import numpy as np
@@ -42,37 +43,48 @@ from sim.simulation import Simulation
 from sim.world.falling import come_to_rest
 
 Planner: TypeAlias = Callable[[PickAndPlace, Manipulator, Scene, FloatArray], Plan]
-"""Plans a task in a scene, from where the arm stands; `plan_pick_and_place` is one."""
+"""Function that plans a task in a scene from the current configuration of the arm, such as
+`plan_pick_and_place`."""
 
 MAX_OBSERVATIONS = 10
-"""Number of observations of a body that is not seen before it counts as lost."""
+"""Maximum number of observations of a body when one sighting is wanted; each further sighting adds
+one."""
 
 OBSERVATION_PERIOD_S = 0.1
-"""Time between two such observations: a camera of 10 frames a second."""
+"""Time between two observations, that of a camera with 10 frames per second."""
 
 WIDTH_TOLERANCE_M = 0.004
-"""Maximum deviation of the pads from the expected distance that counts as a grasp: a 5 cm cube seen
-with 4 deg of yaw error is wider by 3.5 mm, and open fingers stand 7.7 mm too far apart."""
+"""Maximum difference between the distance of the closed pads and the expected width of a held body.
+A 5 cm cube with 4 deg of yaw error is expected 3.5 mm too wide."""
 
 LIFT_M = 0.02
-"""Height by which a sighting is lifted before it is let down on what is below: more than any error
-of its height, less than any block."""
+"""Height by which a body is lifted before it is lowered on what is below: more than the error of
+its observed height, less than the height of a block."""
+
+
+class _Failure(Enum):
+    """Stage at which an attempt failed."""
+
+    NOT_SEEN = auto()
+    NO_PLAN = auto()
+    MISSED = auto()
+    NOT_PLACED = auto()
 
 
 @frozen(error=SimulationError)
 class Transfer:
-    """A body to move, by how it is grasped and where it is put.
+    """Grasp and goal of a body to be moved.
 
     Attributes:
-        body: its name.
-        T_body_tip: pose of the tip seen from the body when the fingers close.
-        T_base_goal: pose of the body when they open again.
-        hover_m: height above the place where the arm ends.
-        clear_m: height above pick and place from which it may move sideways.
+        body: name of the body.
+        T_body_tip: pose of the tip in the frame of the body when the fingers close.
+        T_base_goal: pose of the body in base when the fingers open.
+        hover_m: height above the place at which the arm ends.
+        clear_m: height above pick and place from which the arm may move sideways.
 
     Raises:
-        SimulationError: when `body` is no name, or a height not a number above zero.
-        PoseError: when a pose is not a valid one.
+        SimulationError: when `body` is not text, or a height is not a positive number.
+        PoseError: when a pose is not valid.
     """
 
     body: str
@@ -94,9 +106,9 @@ class Attempt:
     """One attempt of a transfer.
 
     Attributes:
-        seen: the body where it was seen; None when it was not.
-        plan: its plan; None when the body was not seen.
-        failure: None when it ended as planned, else the reason, as one sentence.
+        seen: the body at its observed pose; None when it was not seen.
+        plan: plan of the attempt; None when the body was not seen.
+        failure: reason of the failure, as one sentence; None when the body was placed.
     """
 
     seen: Body | None
@@ -114,9 +126,9 @@ class LoopResult:
 
     Attributes:
         attempts: all attempts, in order.
-        failure: None, or why the body is not where it should be, as one sentence.
-        placed: the body where it was seen at the end; None when it was not placed, or not seen.
-        off_m: horizontal distance of its centre from the goal, by that sighting; None likewise.
+        failure: reason why the body was not placed, as one sentence; None when it was.
+        placed: the body at its pose observed at the end; None when it was not placed or not seen.
+        off_m: horizontal distance of the centre of `placed` from the goal; None without `placed`.
     """
 
     attempts: tuple[Attempt, ...]
@@ -153,6 +165,7 @@ class ClosedLoop(OneLine):
         *,
         retries: int = 3,
         plan: Planner = plan_pick_and_place,
+        on_attempt: Callable[[int], None] | None = None,
     ) -> None:
         """Work in a simulated world.
 
@@ -162,7 +175,8 @@ class ClosedLoop(OneLine):
             manipulator: the arm and its hand.
             source: observes the movable bodies.
             retries: maximum number of attempts after the first.
-            plan: plans an attempt; with a margin, say, or with its time taken.
+            plan: plans an attempt, for example with a margin.
+            on_attempt: called with the number of each attempt, from 1, when it begins.
 
         Raises:
             SimulationError: when an argument has the wrong type, or `retries` is negative.
@@ -173,26 +187,39 @@ class ClosedLoop(OneLine):
             raise SimulationError(f"retries must be a whole number, 0 or above, got {retries}")
         if not callable(plan):
             raise SimulationError(f"plan must be callable, got {type(plan).__name__}")
+        if on_attempt is not None and not callable(on_attempt):
+            raise SimulationError(f"on_attempt must be callable, got {type(on_attempt).__name__}")
         self._source = checked_source(source)
         self._retries = retries
         self._plan = plan
+        self._on_attempt = on_attempt
         self._side = manipulator.arm.side
 
     def pick_and_place(self, transfer: Transfer, title: str = "") -> LoopResult:
-        """Move a body; always returns a result.
+        """Move a body, and return how it ended; a failed attempt is part of the result.
+
+        Nothing is released above its support: when placing fails, there is no further attempt.
 
         Args:
-            transfer: what goes where.
+            transfer: the body and its goal.
             title: put before each caption.
+
+        Raises:
+            TaskError: when the body cannot be planned for, such as an immovable one.
         """
         expect(transfer, Transfer, "transfer", SimulationError)
         expect(title, str, "title", SimulationError)
         attempts: list[Attempt] = []
-        while len(attempts) <= self._retries:
-            if attempts:
+        failed: _Failure | None = None
+        while len(attempts) <= self._retries and failed is not _Failure.NOT_PLACED:
+            if failed is _Failure.MISSED:
                 self._rise(transfer, title)
-            attempts.append(self._attempt(transfer, title, sightings=len(attempts) + 1))
-            if attempts[-1].failure is None:
+            number = len(attempts) + 1
+            if self._on_attempt is not None:
+                self._on_attempt(number)
+            attempt, failed = self._attempt(transfer, title, sightings=number)
+            attempts.append(attempt)
+            if failed is None:
                 return self._placed(transfer, tuple(attempts))
         tried = f"{len(attempts)} attempts" if len(attempts) > 1 else "one attempt"
         failure = f"{transfer.body} was not placed in {tried}; the last: {attempts[-1].failure}"
@@ -201,12 +228,15 @@ class ClosedLoop(OneLine):
     def _facts(self) -> tuple[str, ...]:
         return self._side, count(self._retries, "retry")
 
-    def _attempt(self, transfer: Transfer, title: str, *, sightings: int) -> Attempt:
+    def _attempt(
+        self, transfer: Transfer, title: str, *, sightings: int
+    ) -> tuple[Attempt, _Failure | None]:
         """Observe, plan, pick, check the fingers, place."""
         name, world, hand = transfer.body, self._simulation.world, self._manipulator.hand
         scene = self._observed_scene(sightings)
         if name not in scene.bodies:
-            return Attempt(None, None, f"{name} was not seen in {MAX_OBSERVATIONS} observations")
+            text = f"{name} was not seen in {_max_observations(sightings)} observations"
+            return Attempt(None, None, text), _Failure.NOT_SEEN
         seen = scene[name]
         T_base_pick = seen.T_base_body * transfer.T_body_tip
         expected = hand.close_on(T_base_pick, seen, hand.stroke_m)
@@ -219,31 +249,41 @@ class ClosedLoop(OneLine):
         task = PickAndPlace(name, T_base_pick, T_base_place, transfer.hover_m, transfer.clear_m)
         plan = self._plan(task, self._manipulator, scene, world.arm_q(self._side))
         if plan.failure is not None:
-            return Attempt(seen, plan, str(plan.failure))
-        return Attempt(seen, plan, self._executed(plan, name, expected, title))
-
-    def _executed(self, plan: Plan, body: str, expected: Grasp | Miss, title: str) -> str | None:
-        """Execute a plan in two parts, and check the grasp between; returns why it failed."""
+            return Attempt(seen, plan, str(plan.failure)), _Failure.NO_PLAN
         picking, placing = split_at_close(plan)
-        outcome = self._simulation.execute(picking, title, unverified=True)
+        failure = self._pick(picking, name, expected, title)
+        if failure is not None:
+            return Attempt(seen, plan, failure), _Failure.MISSED
+        failure = self._simulation.execute(placing, title, unverified=True).failure
+        return Attempt(seen, plan, failure), None if failure is None else _Failure.NOT_PLACED
+
+    def _pick(self, picking: Plan, body: str, expected: Grasp | Miss, title: str) -> str | None:
+        """Approach, close, and compare the width; returns why the body is not held, or None."""
+        close = picking.steps[-1]
+        approach = evolve(picking, steps=picking.steps[:-1])
+        failure = self._simulation.execute(approach, title, unverified=True).failure
+        if failure is not None:
+            return failure  # the fingers are still open, so their position says nothing
+        closing = evolve(picking, start=state_of(close), steps=(close,))
+        failure = self._simulation.execute(closing, title, unverified=True).failure
         gap_m = self._simulation.grippers[self._side].gap_m
-        is_held = isinstance(expected, Grasp) and abs(gap_m - expected.width_m) <= WIDTH_TOLERANCE_M
-        if is_held:
-            return self._simulation.execute(placing, title, unverified=True).failure
+        if isinstance(expected, Grasp) and abs(gap_m - expected.width_m) <= WIDTH_TOLERANCE_M:
+            return None
         apart = f"the finger pads are {1e3 * gap_m:.1f} mm apart, so they do not hold {body}"
-        return apart if outcome.failure is None else f"{outcome.failure}; {apart}"
+        return apart if failure is None else f"{failure}; {apart}"
 
     def _rise(self, transfer: Transfer, title: str) -> None:
-        """Leave a body alone that was missed, if there is a way up."""
+        """Open the hand and rise from a missed body, unless no valid plan is found."""
         world = self._simulation.world
         scene = Scene.of(body for body in world.scene if body.name != transfer.body)
         q = world.arm_q(self._side)
-        plan = plan_retract(self._manipulator, scene, q, transfer.clear_m)
+        held = tuple(each for each in world.held if each.side != self._side)
+        plan = plan_retract(self._manipulator, scene, q, transfer.clear_m, held=held)
         if plan.is_valid:
             self._simulation.execute(plan, f"{title}again, ", unverified=True)
 
     def _placed(self, transfer: Transfer, attempts: tuple[Attempt, ...]) -> LoopResult:
-        """The result of a placed body, by one more observation."""
+        """Result for a placed body, which is observed once more."""
         seen = self._seen(transfer.body, 1)
         if seen is None:
             return LoopResult(attempts, None)
@@ -252,7 +292,7 @@ class ClosedLoop(OneLine):
         return LoopResult(attempts, None, seen, off_m)
 
     def _observed_scene(self, sightings: int) -> Scene:
-        """What is known of the scene, and of all other bodies the mean of some sightings."""
+        """Known bodies, and each other body at the mean of its sightings."""
         world = self._simulation.world
         held = {each.body for each in world.held}
         scene = Scene.of(body for body in world.scene if not body.is_movable or body.name in held)
@@ -263,12 +303,12 @@ class ClosedLoop(OneLine):
         return scene
 
     def _seen(self, name: str, sightings: int) -> Body | None:
-        """A body where it seems to be, by the mean of some sightings.
+        """The body at the mean pose of up to `sightings` sightings; None without any.
 
-        Observes again for a while when it is not seen; of too few sightings, the mean of those.
+        Observes it at most `_max_observations(sightings)` times.
         """
         found: list[Body] = []
-        for index in range(MAX_OBSERVATIONS + sightings - 1):
+        for index in range(_max_observations(sightings)):
             if index:
                 self._simulation.wait(OBSERVATION_PERIOD_S)
             sighting = self._source.observe(name, self._simulation.time_s)
@@ -279,11 +319,16 @@ class ClosedLoop(OneLine):
         return mean_of(found) if found else None
 
 
-def mean_of(bodies: Sequence[Body]) -> Body:
-    """One body, with the mean centre and the mean orientation of at least one sighting.
+def _max_observations(sightings: int) -> int:
+    """Maximum number of observations to obtain a number of sightings of a body."""
+    return MAX_OBSERVATIONS + sightings - 1
 
-    The mean of the orientations is taken on the tangent space at the first one, which is exact for
-    turns about one axis.
+
+def mean_of(bodies: Sequence[Body]) -> Body:
+    """Return the body at the mean centre and mean orientation of one or more sightings.
+
+    The mean orientation is taken in the tangent space of the first, which is exact for rotations
+    about one axis.
     """
     first = bodies[0].T_base_body
     turns = [pin.log3(first.rotation.T @ body.T_base_body.rotation) for body in bodies]
@@ -295,7 +340,7 @@ def mean_of(bodies: Sequence[Body]) -> Body:
 
 
 def split_at_close(plan: Plan) -> tuple[Plan, Plan]:
-    """A plan up to the end of its first closing of the fingers, and the rest of it."""
+    """Return a plan up to and including its first closing of the fingers, and the rest of it."""
     steps = expect(plan, Plan, "plan", SimulationError).steps
     closes = [
         number
@@ -310,6 +355,6 @@ def split_at_close(plan: Plan) -> tuple[Plan, Plan]:
 
 
 def _standing(body: Body, scene: Scene) -> Body:
-    """A body let down on what is below where it was seen."""
+    """Return an observed body, lowered on what is below it."""
     lifted = body.at(raised(body.T_base_body, LIFT_M))
     return body.at(come_to_rest(lifted, list(scene)).T_base_body)

@@ -1,4 +1,4 @@
-"""Gripper: fingers that move at a finite speed, grasp what is between them, or miss.
+"""Gripper: fingers that close on what is between them, and grasp it or miss.
 
 The electric gripper of Baxter takes position commands in per cent, 0 closed .. 100 open, and
 reports its position, whether it is gripping, and whether it missed. So does this one.
@@ -112,7 +112,8 @@ class GripperState:
     Attributes:
         percent: position, 0 closed .. 100 open.
         is_gripping: whether both pads are on a body.
-        has_missed: whether the last close found nothing.
+        has_missed: whether the last closing ended without a grasp: nothing was between the pads, or
+            the body was too wide, off the pads, crowded or blocked.
     """
 
     percent: float
@@ -194,7 +195,7 @@ class Gripper(OneLine):
             self._world.attach(self._side, closing.body, closing.grasp.T_tip_body)
 
     def release(self) -> str | None:
-        """Begin to open; returns the name of the body that is free now, or None."""
+        """Detach the held body and clear the miss; returns its name, or None."""
         self._has_missed = False
         return self._world.detach(self._side)
 
@@ -202,7 +203,7 @@ class Gripper(OneLine):
         state = (
             "gripping" if self.state.is_gripping else "missed" if self.state.has_missed else "empty"
         )
-        return self._side, f"fingers at {millimetres(self.open_m)}", state
+        return self._side, f"fingers at {millimetres(self._world.finger_m(self._side))}", state
 
 
 def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:

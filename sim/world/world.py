@@ -189,7 +189,9 @@ class World(OneLine):
         self._carry(side)
 
     def spawn(self, body: Body) -> str:
-        """Add a body; a movable one falls on what is below it. One below the floor comes up to it.
+        """Add a body; a movable one falls on what is below it.
+
+        A movable body below the floor is raised to it.
 
         Returns:
             The name of its support, of several the first; of a body that is not movable, its own.
@@ -208,7 +210,7 @@ class World(OneLine):
         return rest.support
 
     def delete(self, name: str) -> None:
-        """Remove a body, out of a hand if need be; what stands on it falls."""
+        """Remove a body, also a held one; what stands on it falls."""
         loose = self.riders(name)
         del self._bodies[name], self._poses[name]
         self.supports.pop(name, None)
@@ -230,12 +232,18 @@ class World(OneLine):
             self.supports[name] = rest.supports
 
     def carry(self, name: str, T_base_body: PoseLike) -> None:
-        """Put a body at a pose on its way, without its supports; what stands on it moves along."""
+        """Move a body during a motion, with what stands on it.
+
+        Its supports are stale until `put_to_rest` or `settle`.
+        """
         self._refuse_held(self._known(name))
         self._put(name, checked_pose(T_base_body))
 
     def slide(self, name: str, T_base_body: PoseLike) -> None:
-        """Put a body at a pose on its way; nothing else moves."""
+        """Move a body during a motion; nothing else moves.
+
+        Its supports are stale until `put_to_rest` or `settle`.
+        """
         self._refuse_held(self._known(name))
         self._poses[name] = checked_pose(T_base_body)
 

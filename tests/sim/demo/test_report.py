@@ -15,7 +15,7 @@ from planner import Grip, GripperAction, Manipulator, Move, Plan, PlanFailure, p
 from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
 from sim.demo.options import DemoOptions
-from sim.demo.report import MAX_CYCLES, MAX_EVENTS, Report, row_of
+from sim.demo.report import MAX_CYCLES, MAX_EVENTS, Report, format_move
 from tests.conftest import overhead, state_at
 
 POSES_M = ((0.7, 0.15, -0.129), (0.75, 0.0, -0.129))
@@ -62,6 +62,7 @@ def test_means_and_ratios_are_those_of_the_cycles_that_succeeded(
     assert (data["cycles_done"], data["cycle_time_s"]) == (2, 7.0)
     report.finish()
     ratio = plan.moves[1].trajectory.duration / 0.5
+    assert data["transfer_ratio"] == pytest.approx(ratio)
     assert f"from grasp to release: {ratio:.2f} times" in capsys.readouterr().out
 
 
@@ -88,12 +89,12 @@ def test_an_entry_has_the_picks_places_and_moves_of_its_plan(report: Report, pla
 
 
 @pytest.mark.parametrize(("bound_s", "kept"), [(math.inf, None), (0.0, 0.0)])
-def test_an_infinite_bound_is_null_and_one_of_0_has_no_ratio(
+def test_an_infinite_bound_is_null_and_neither_that_nor_0_has_a_ratio(
     report: Report, plan: Plan, bound_s: float, kept: float | None
 ) -> None:
     entry = add(report, plan, DONE, bound_s)
     assert entry["transfer_bound_s"] == kept
-    assert entry["transfer_ratio"] == (0.0 if math.isinf(bound_s) else None)
+    assert entry["transfer_ratio"] is None
 
 
 def test_a_plan_that_failed_has_its_reason_and_no_transfer(report: Report, plan: Plan) -> None:
@@ -119,7 +120,7 @@ def test_only_the_last_cycles_and_events_are_kept(report: Report, manipulator: M
 def test_a_report_is_no_success_until_it_is_done(report: Report) -> None:
     assert (report.as_json()["success"], report.as_json()["failure"]) == (
         False,
-        "it did not finish",
+        "the run did not finish",
     )
     report.failure = None
     assert (report.as_json()["success"], report.as_json()["failure"]) == (True, None)
@@ -155,7 +156,7 @@ def move(manipulator: Manipulator) -> Move:
 
 
 def test_a_move_is_a_row_with_seed_residual_and_duration(move: Move) -> None:
-    row = row_of(move)
+    row = format_move(move)
     assert row.startswith("  pick: approach ")
     assert move.seed_label in row
     assert " m, " in row
@@ -164,7 +165,7 @@ def test_a_move_is_a_row_with_seed_residual_and_duration(move: Move) -> None:
 
 
 def test_a_move_by_joint_angles_has_no_residual(move: Move) -> None:
-    row = row_of(evolve(move, T_base_tip=None, ik=None))
+    row = format_move(evolve(move, T_base_tip=None, ik=None))
     assert "(joint angles)" in row
     assert "rad" not in row
 
@@ -212,6 +213,8 @@ def test_a_summary_has_what_is_known(
 ) -> None:
     report.planning_time_s, report.wall_time_s = 0.5, 1.25
     report.finish()
+    assert report.as_json()["cycle_time_s"] is None
+    assert report.as_json()["transfer_ratio"] is None
     nothing = "time: planning 0.50 s, arm motion 0.00 s, wall clock 1.25 s\n"
     assert capsys.readouterr().out == nothing
     add(report, plan, Outcome(None, 6.5))
@@ -223,7 +226,7 @@ def test_a_summary_has_what_is_known(
         f"time: planning 0.50 s, arm motion {plan.motion_time_s:.2f} s, wall clock 1.25 s; one "
         "pick and place 6.50 s, gripper included",
         f"from grasp to release: {carried_s / 0.5:.2f} times as long as the fastest direct joint "
-        "motion, which heeds",
-        "  neither lines nor obstacles (see docs/concepts/motion_program.md)",
-        "clearance: 10.0 mm where the arm came nearest to what it is not meant to touch",
+        "motion, which ignores",
+        "  straight lines and obstacles (see docs/concepts/motion_program.md)",
+        "planned clearance: 10.0 mm to the nearest thing that the arm is not meant to touch",
     ]

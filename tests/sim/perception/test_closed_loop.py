@@ -169,7 +169,7 @@ def test_a_body_that_is_never_seen_ends_in_a_clear_result(bench: Bench) -> None:
     assert result.plan is None
     failure = str(result.failure)
     assert failure.startswith("block was not placed in 2 attempts; the last: block was not seen")
-    assert failure.endswith(f" in {MAX_OBSERVATIONS} observations")
+    assert failure.endswith(f" in {MAX_OBSERVATIONS + 1} observations")
 
 
 def test_a_body_on_the_floor_ends_in_a_clear_result(bench: Bench) -> None:
@@ -266,6 +266,53 @@ def test_the_same_noise_gives_the_same_run(
         bench.run(NoisyPoses(bench.truth, Noise(0.005), np.random.default_rng(11)))
         ends.append((bench.simulation.time_s, bench.world.q.tolist(), bench.off_m))
     assert ends[0] == ends[1]
+
+
+def _with_wall(bench: Bench, T_base_wall: pin.SE3, width_m: float, height_m: float) -> Any:
+    """A planner after whose first plan a wall appears, so that the plan runs into it."""
+
+    def plan(*task: Any) -> Plan:
+        found = plan_pick_and_place(*task)
+        if "wall" not in bench.world.scene.bodies:
+            part = Part(Box((width_m, width_m, height_m)), at(0.0, 0.0, 0.0))
+            bench.simulation.spawn(Body("wall", (part,), T_base_wall, is_movable=False))
+        return found
+
+    return plan
+
+
+@pytest.mark.parametrize("edge_m", [0.05, 0.054])
+def test_a_hand_that_stops_before_it_closes_holds_nothing(
+    robot: Baxter, manipulator: Manipulator, table: Body, edge_m: float
+) -> None:
+    """Whatever the width of the body: the open hand is 57.0 mm wide."""
+    part = Part(Box((edge_m, edge_m, edge_m)), at(0.5 * edge_m, 0.5 * edge_m, 0.5 * edge_m))
+    block = Body("block", (part,), at(0.7, 0.15, -0.155), is_movable=True)
+    bench = Bench(robot, manipulator, table, block)
+    x, y, _ = block.centre_base
+    result = bench.run(plan=_with_wall(bench, at(x, y + 0.037, -0.125), 0.012, 0.06), retries=0)
+    assert not result.is_success
+    assert "wall" in str(result.failure)
+    assert bench.diary.count(EventKind.GRASPED) == 0
+
+
+def test_a_body_that_could_not_be_placed_is_not_released_in_mid_air(bench: Bench) -> None:
+    goal = bench.transfer.T_base_goal.translation
+    wall = at(goal[0], goal[1], -0.005)
+    result = bench.run(plan=_with_wall(bench, wall, 0.02, 0.3), retries=3)
+    assert not result.is_success
+    assert len(result.attempts) == 1
+    assert bench.diary.count(EventKind.RELEASED) == 0
+    assert bench.world.holding("left") is not None
+
+
+def test_the_number_of_an_attempt_counts_those_that_saw_nothing(bench: Bench) -> None:
+    numbers: list[int] = []
+    result = bench.run(Mistaken(bench.truth, [None] * MAX_OBSERVATIONS), on_attempt=numbers.append)
+    assert result.is_success
+    assert numbers == [1, 2]
+    moves = [event.text for event in bench.diary.events if event.kind is EventKind.MOVE_STARTED]
+    assert not any("again" in text for text in moves)  # nothing was missed, so it does not rise
 
 
 class TestMean:

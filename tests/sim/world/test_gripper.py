@@ -53,6 +53,12 @@ def close(gripper: Gripper) -> Closing:
     return closing
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_its_line_has_the_present_position(world: World, gripper: Gripper, share: float) -> None:
+    world.set_fingers("left", share * gripper.open_m)
+    assert f"fingers at {1e3 * share * gripper.open_m:.1f} mm" in repr(gripper)
+
+
 def test_a_new_gripper_is_open_and_empty(gripper: Gripper) -> None:
     state = gripper.state
     assert (state.is_gripping, state.has_missed) == (False, False)
