@@ -159,7 +159,7 @@ def test_a_ratio_outside_its_range_is_clipped_and_nonsense_refused() -> None:
     assert (arm.speed_ratio, arm.timeout_s) == (0.0, 0.2)
 
 
-@given(st.floats(-1.5, 1.5), st.floats(0.05, 1.0))
+@given(st.floats(-1.5, 1.5, allow_subnormal=False), st.floats(0.05, 1.0))
 def test_velocities_last_as_long_as_the_time_out_and_then_it_holds(
     speed: float, timeout_s: float
 ) -> None:
@@ -171,7 +171,7 @@ def test_velocities_last_as_long_as_the_time_out_and_then_it_holds(
         stepped(arm, TICK_S, tick * TICK_S)
         moving_s += TICK_S * bool(arm.v[2] != 0.0)
     assert arm.q[2] == pytest.approx(speed * moving_s, abs=1e-9)
-    if speed:
+    if abs(speed) > 1e-12:  # a slower joint does not move from one float to the next
         assert abs(moving_s - timeout_s) <= TICK_S + 1e-9
     assert not arm.target_v.any()
 
