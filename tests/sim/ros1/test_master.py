@@ -208,12 +208,15 @@ def test_a_port_that_is_in_use_is_an_error() -> None:
 def test_its_process_prints_its_uri_and_ends_on_a_signal(number: signal.Signals) -> None:
     command = [sys.executable, "-m", "sim.ros1.master", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        found = re.fullmatch(
-            r"export ROS_MASTER_URI=(http://127\.0\.0\.1:\d+/)\n", process.stdout.readline()
-        )
-        assert found is not None
-        assert asked(found[1], "getUri") == found[1]
-        assert asked(found[1], "getPid") == process.pid != os.getpid()
-        process.send_signal(number)
-        assert process.wait(20.0) == 0
+        try:
+            assert process.stdout is not None
+            found = re.fullmatch(
+                r"export ROS_MASTER_URI=(http://127\.0\.0\.1:\d+/)\n", process.stdout.readline()
+            )
+            assert found is not None
+            assert asked(found[1], "getUri") == found[1]
+            assert asked(found[1], "getPid") == process.pid != os.getpid()
+            process.send_signal(number)
+            assert process.wait(20.0) == 0
+        finally:
+            process.kill()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xmlrpc.client import ServerProxy
 
 from sim.ros1.node import Node
@@ -15,6 +16,8 @@ from sim.ros1.transport.addresses import Address
 from sim.ros1.transport.streams import framed_header, parse_header
 
 ANSWER_S = 20.0
+
+T = TypeVar("T")
 
 LISTENING = "0A"
 """The state of a socket in /proc/net/tcp."""
@@ -26,11 +29,17 @@ def xmlrpc_place(node: Node) -> Address:
     return Address(host, int(port))
 
 
+def awaited(coroutine: Coroutine[Any, Any, T]) -> T:
+    """The result of a coroutine, in a thread of its own: Playwright's loop may run in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, coroutine).result()
+
+
 def asked(
     uri: str, method: str, *args: Any, node: str = "the master", timeout_s: float = 20.0
 ) -> Any:
     """The value that a master or node answers to a node called /asker."""
-    return asyncio.run(xmlrpc.call(uri, method, "/asker", *args, node=node, timeout_s=timeout_s))
+    return awaited(xmlrpc.call(uri, method, "/asker", *args, node=node, timeout_s=timeout_s))
 
 
 def topic_place(node: Node, topic: str) -> Address:

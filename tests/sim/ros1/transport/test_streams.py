@@ -27,7 +27,7 @@ from sim.ros1.transport.streams import (
 )
 from sim.ros1.transport.topics import Outbox
 from tests.sim.ros1.processes import free_port, until
-from tests.sim.ros1.wire import exactly, frame_of, is_closed
+from tests.sim.ros1.wire import awaited, exactly, frame_of, is_closed
 
 MAX_BYTES = 1000
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
@@ -186,7 +186,7 @@ def test_too_many_connections_are_refused(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_port_that_nobody_listens_on_is_an_error() -> None:
     address = Address("127.0.0.1", free_port())
     with pytest.raises(RosConnectionError, match=f"cannot reach /robot at {address}"):
-        asyncio.run(connect(address, node="/robot"))
+        awaited(connect(address, node="/robot"))
 
 
 def test_an_address_of_another_computer_cannot_be_listened_on() -> None:
@@ -208,7 +208,7 @@ def test_a_socket_that_is_connected_to_itself_is_nobody(monkeypatch: pytest.Monk
         asyncio, "open_connection", lambda *_, limit: open_connection(sock=sock, limit=limit)
     )
     with pytest.raises(RosConnectionError, match="Connection refused"):
-        asyncio.run(connect(address, node="/robot"))
+        awaited(connect(address, node="/robot"))
     assert sock.fileno() == -1
 
 
@@ -240,5 +240,5 @@ def test_a_failed_handshake_is_an_error(answer: bytes, words: str) -> None:
                 stream.abort()
 
         with pytest.raises(RosConnectionError, match=words):
-            asyncio.run(shake_hands())
+            awaited(shake_hands())
         thread.join()
