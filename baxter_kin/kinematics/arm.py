@@ -20,6 +20,10 @@ from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 
 LIMBS = ("left", "right")
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+
+MAX_SPEED_RAD_S = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
+"""Greatest speeds of the joints in position mode, at speed ratio 1 (Rethink's hardware
+specification), shoulder first."""
 """The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 _NEUTRAL = (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0)
@@ -41,6 +45,11 @@ MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs that turn a left-arm configuration into its mirror image on the right arm."""
 
 
+def arm_joints(side: str) -> tuple[str, ...]:
+    """The seven joints of an arm, from shoulder to wrist."""
+    return tuple(f"{side}_{joint}" for joint in JOINTS)
+
+
 class Arm:
     """One arm of seven joints, from base to the tip between its fingers.
 
@@ -59,7 +68,7 @@ class Arm:
     def __init__(self, side: str, robot_model: pin.Model) -> None:
         self.side = known_limb(side)
         expect(robot_model, pin.Model, "robot_model", DescriptionError)
-        self.joint_names = tuple(f"{side}_{joint}" for joint in JOINTS)
+        self.joint_names = arm_joints(side)
         self.tip_frame = f"{side}_gripper"
         self.model = _reduced_model(robot_model, self.joint_names)
         self._limits = _limits(self.model, self.joint_names)

@@ -29,7 +29,7 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.display import quoted, shown_path
 from baxter_kin.frames import Frame
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, finite_scalar
 from sim.errors import RecordingError
 from sim.events import Event
@@ -46,7 +46,6 @@ from sim.recording.joint_states import (
     merged_recording,
     message_type,
 )
-from sim.recording.recorded_motion import arm_joints
 from sim.recording.recorder import RecordFile, RecordingBuilder
 from sim.recording.recording import (
     Entry,

@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter
 from baxter_kin.display import count, quoted, shown_path
 from baxter_kin.fields import evolve
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError, RosError, RosMessageError
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import arm_joints, finger_joints
+from sim.recording.recorded_motion import finger_joints
 from sim.recording.recording import NotedRecording, Recording
 from sim.ros1_messages import MessageType, MessageTypes
 

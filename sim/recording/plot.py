@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter, JointLimits
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect
 from sim.errors import RecordingError
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import ArmMotion, arm_joints
+from sim.recording.recorded_motion import ArmMotion
 from sim.recording.recording import Recording
 
 if TYPE_CHECKING:  # an extra

@@ -16,7 +16,7 @@ from baxter_kin import IKResult
 from baxter_kin.display import count, phrase, quoted, seconds, side_of
 from baxter_kin.fields import array, field, frozen, scalar
 from baxter_kin.ik.result import checked_result
-from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect_all
 from planner import Move, Trajectory
 from planner.scene.contact import Contact
@@ -145,11 +145,6 @@ def _limb_of(trajectory: Trajectory) -> str | None:
     """The arm that a trajectory moves, by the names of its joints; None when it is of no arm."""
     names = sorted(trajectory.limits.names)
     return next((side for side in LIMBS if names == sorted(arm_joints(side))), None)
-
-
-def arm_joints(side: str) -> tuple[str, ...]:
-    """The seven joints of that arm, from shoulder to wrist."""
-    return tuple(f"{side}_{joint}" for joint in JOINTS)
 
 
 def finger_joints(side: str) -> tuple[str, str]:

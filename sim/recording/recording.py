@@ -27,7 +27,7 @@ from baxter_kin.fields import (
     sequence,
     shown,
 )
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect, float_array
 from planner import Body, Response, Scene, State
 from planner import fit_response as fit_arrays
@@ -36,7 +36,6 @@ from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import (
     ArmMotion,
     RecordedMove,
-    arm_joints,
     arm_motion,
 )
 from sim.world.gripper import GripperState

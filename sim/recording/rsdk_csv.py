@@ -41,14 +41,14 @@ from baxter_kin.description import RobotDescription, RobotIdentity
 from baxter_kin.display import OneLine, count, shown_path
 from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
-from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import JOINTS, LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
 from sim.recording.joint_states import Rows, noted_recording
-from sim.recording.recorded_motion import arm_joints, finger_joints
+from sim.recording.recorded_motion import finger_joints
 from sim.recording.recorder import RecordFile
 from sim.recording.recording import Entry, NotedRecording, Recording, Row, entries_of
 from sim.simulation import MAX_DWELL_S, ROBOT_DWELL_S

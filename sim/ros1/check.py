@@ -114,7 +114,7 @@ def _checked(options: CheckOptions, signals: Signals) -> int:
 
 def _lines(link: BaxterLink, limbs: Sequence[str]) -> Iterator[str]:
     """Publishers of the main topics, the clocks, the joints and the grippers, a line each."""
-    from baxter_kin.kinematics.arm import JOINTS  # noqa: PLC0415
+    from baxter_kin.kinematics.arm import JOINTS, arm_joints  # noqa: PLC0415
     from sim.ros1.execution import link as names  # noqa: PLC0415
 
     states = [names.gripper_topic(limb, "state") for limb in limbs]
@@ -128,7 +128,7 @@ def _lines(link: BaxterLink, limbs: Sequence[str]) -> Iterator[str]:
         yield f"clock: the robot's is {1e3 * offset_s:+.0f} ms from this machine's"
     yield f"simulated by this toolkit: {'yes' if link.is_simulated else 'no'}"
     for limb in limbs:
-        joints = names.joint_names(limb)
+        joints = arm_joints(limb)
         reading, report = link.joints.arm(joints), link.gripper(limb)
         if reading is None:
             continue

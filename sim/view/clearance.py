@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, Indices
 from planner import Body, Scene
 from planner.clearance import Clearance
@@ -31,7 +31,7 @@ from planner.errors import SceneError
 from planner.scene.bodies import Attachment
 from planner.scene.contact import PartContact
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import RecordedMove, arm_joints
+from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
 from sim.view.encoding import Command
 from sim.view.panel import moving_arms

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from baxter_kin import Arm, Baxter, JointLimits
+from baxter_kin.kinematics.arm import arm_joints
 from baxter_kin.validation import FloatArray, Indices
-from sim.recording.recorded_motion import ArmMotion, RecordedMove, arm_joints
+from sim.recording.recorded_motion import ArmMotion, RecordedMove
 from sim.recording.recording import Recording
 from sim.view.animation import key_samples
 from sim.view.encoding import Command

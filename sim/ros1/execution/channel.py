@@ -9,6 +9,7 @@ import json
 import time
 
 from baxter_kin.fields import NotCopied
+from baxter_kin.kinematics.arm import arm_joints
 from baxter_kin.validation import FloatArray
 from planner import Grip, GripperAction
 from sim.ros1.execution.link import (
@@ -16,7 +17,6 @@ from sim.ros1.execution.link import (
     GripperReport,
     command_topic,
     gripper_topic,
-    joint_names,
     speed_topic,
 )
 from sim.ros1.execution.stops import Stop, StopCause
@@ -59,7 +59,7 @@ class ArmChannel(NotCopied):
     def __init__(self, link: BaxterLink, limb: str) -> None:
         """Advertise the topics, and send nothing yet."""
         self.limb, self.sequence = limb, 0
-        self._link, self._names = link, list(joint_names(limb))
+        self._link, self._names = link, list(arm_joints(limb))
         self._former_ratio = link.speed_ratio(limb)
         node, number = link.node, "std_msgs/Float64"
         timeout = f"/robot/limb/{limb}/joint_command_timeout"

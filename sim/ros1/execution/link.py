@@ -13,7 +13,7 @@ import numpy as np
 
 from baxter_kin.display import OneLine, quoted
 from baxter_kin.fields import NotCopied
-from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
 from sim.world.gripper import GripperState
@@ -42,11 +42,6 @@ SENDER_KEPT_S = 2.0
 """A node counts as a publisher of a joint for this long after its last message."""
 
 POLL_S = 0.01
-
-
-def joint_names(limb: str) -> tuple[str, ...]:
-    """The joints of a limb, shoulder first."""
-    return tuple(f"{limb}_{joint}" for joint in JOINTS)
 
 
 def command_topic(limb: str) -> str:

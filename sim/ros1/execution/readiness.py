@@ -20,7 +20,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.display import OneLine, clear, count, phrase, seconds
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import evolve, field, frozen
-from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import JOINTS, LIMBS, MAX_SPEED_RAD_S, arm_joints
 from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner import (
     Grip,
@@ -44,10 +44,8 @@ from sim.ros1.execution.link import (
     STATE,
     BaxterLink,
     command_topic,
-    joint_names,
 )
 from sim.ros1.execution.set_points import (
-    MAX_SPEED_RAD_S,
     Pace,
     SentMotion,
     parts_of,
@@ -235,7 +233,7 @@ def check_robot(
     """
     _LOG.info("listening to the robot of %s", link.node.master_uri)
     link.wait_until(lambda: link.robot is not None, FIRST_S)
-    names = [name for limb in limbs for name in joint_names(limb)]
+    names = [name for limb in limbs for name in arm_joints(limb)]
     if link.wait_until(lambda: not link.joints.missing(names), FIRST_S):
         time.sleep(LISTEN_S)
     return (

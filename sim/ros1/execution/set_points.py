@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin.fields import frozen, scalar
+from baxter_kin.kinematics.arm import MAX_SPEED_RAD_S
 from baxter_kin.validation import FloatArray, expect_all
 from planner import Grip, Move, Plan, Trajectory
 from planner.motion.response import MAX_LEAD_S, TICK_S
@@ -30,9 +31,6 @@ from planner.trajectory import joined
 from sim.errors import SimulationError
 
 DEFAULT_SPEED = 0.3
-
-MAX_SPEED_RAD_S: tuple[float, ...] = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
-"""How fast a Baxter lets its joints s0 .. w2 turn in position mode, at speed ratio 1."""
 
 RESERVE = 1.2
 """The robot's cap exceeds the speed that is sent by this factor, so that it does not cut it."""

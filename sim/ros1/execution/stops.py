@@ -15,9 +15,10 @@ import numpy as np
 
 from baxter_kin.display import seconds
 from baxter_kin.fields import FrozenMapping, frozen
+from baxter_kin.kinematics.arm import arm_joints
 from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
-from sim.ros1.execution.link import JOINT_STATES, STATE, BaxterLink, command_topic, joint_names
+from sim.ros1.execution.link import JOINT_STATES, STATE, BaxterLink, command_topic
 
 if TYPE_CHECKING:
     from sim.ros1.node import Received
@@ -151,8 +152,8 @@ class Watch:
 
     def __init__(self, link: BaxterLink, limb: str) -> None:
         """Subscribe to the commands of the arm."""
-        self._link, self._limb, self._names = link, limb, joint_names(limb)
-        self._other_names = joint_names("right" if limb == "left" else "left")
+        self._link, self._limb, self._names = link, limb, arm_joints(limb)
+        self._other_names = arm_joints("right" if limb == "left" else "left")
         self._q_other: FloatArray | None = None
         self._requested: Stop | None = None
         self._commander: str | None = None

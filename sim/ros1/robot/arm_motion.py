@@ -25,14 +25,12 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.display import quoted
 from baxter_kin.fields import evolve, frozen, scalar
+from baxter_kin.kinematics.arm import MAX_SPEED_RAD_S
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_array
 from sim.errors import SimulationError
 from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch
-
-MAX_SPEED_RAD_S = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
-"""Rethink's hardware specification, shoulder first."""
 
 DEFAULT_SPEED_RATIO = 0.3
 """Of the RSDK, for position commands."""

@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import arm_joints
 from sim import (
     Recorder,
     Recording,
@@ -31,7 +32,6 @@ from sim.errors import RecordingError
 from sim.recording import bag_file
 from sim.recording.bag_file import nanoseconds
 from sim.recording.joint_states import GRIPPER_STATE, message_type
-from sim.recording.recorded_motion import arm_joints
 from sim.recording.recording import RecordedSample
 from sim.ros1_messages import MessageTypes
 from tests.sim.recording import bags

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
+from baxter_kin.kinematics.arm import MAX_SPEED_RAD_S
 from planner import Grip, Move, Plan, plan_joint_move
 from planner.motion.response import TICK_S
 from sim.errors import SimulationError
 from sim.ros1.execution.set_points import (
     MAX_LATENESS_S,
-    MAX_SPEED_RAD_S,
     Pace,
     PlanTime,
     Schedule,
