@@ -28,8 +28,8 @@ from campaign.killing import with_killed_builds, with_killed_workers
 
 from baxter_kin.command_line import OneSentenceParser, number_within, whole_number
 from baxter_kin.fields import evolve
+from planner.atlas.block_map import bytes_on_disk
 from planner.atlas.commands.console import shown_bytes
-from planner.atlas.map_files import bytes_on_disk
 
 KINDS = REACH, REDUNDANCY = "reach", "redundancy"
 """Of maps."""
@@ -70,8 +70,8 @@ def _differing(
 ) -> int:
     """How many maps, of those that are built beside one, differ from it."""
     wrong, bytes_of_serial = 0, digests(serial)
-    blocks, size = blocks_stored(serial, wanted.layout), shown_bytes(bytes_on_disk(serial))
-    tell(f"{wanted.layout.name}, serial: {blocks} blocks, {len(bytes_of_serial)} files, {size}")
+    blocks, size = blocks_stored(serial, wanted.kind), shown_bytes(bytes_on_disk(serial))
+    tell(f"{wanted.kind.KIND.name}, serial: {blocks} blocks, {len(bytes_of_serial)} files, {size}")
     for path in _maps(serial.parent, options, wanted, tell):
         differ = differences(digests(path), bytes_of_serial)
         wrong += bool(differ)

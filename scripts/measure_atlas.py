@@ -12,7 +12,7 @@ memory of the client and of its workers is read from the system (`VmHWM`, Linux)
 - the cost of grids of 10^10 and 10^12 cells, which are told and not built.
 
 Then processor time, in core hours of this machine, of 2.5 cm x 576 rotations x both arms, by a
-stratified random sample of at most 1 % of the positions within the time given, with its standard
+random sample of at most 1 % of the positions within the time given, with its standard
 error. The exit status is 1 when a peak is above 500 MB, a command fails, or too much is undecided.
 """
 
@@ -32,8 +32,7 @@ from typing import NamedTuple
 import psutil
 
 from baxter_kin import Baxter
-from planner.atlas import PositionGrid, RotationGrid
-from planner.atlas.cost import estimate
+from planner.atlas import PositionGrid, ReachDefinition, RotationGrid, estimate
 
 MOST_MB = 500.0
 MOST_UNDECIDED = 0.002
@@ -118,11 +117,12 @@ def whole_fine_map(seconds: float) -> str:
     robot, rotations = Baxter.load(), RotationGrid.hopf(1)
     grid = PositionGrid.around(robot, 0.025)
     most = int(SAMPLE_SHARE * 2 * len(grid))
-    cost = estimate(robot, grid, rotations, measure_s=seconds, most_positions=most)
+    definition = ReachDefinition(robot, grid, rotations)
+    cost = estimate(definition, measure_s=seconds, max_positions=most)
     return (
         f"2.5 cm x 576 x 2 arms: {cost.cells:,} cells, {cost.core_hours:.3f} +- "
         f"{cost.core_error_s / 3600.0:.3f} core hours by {cost.measured:,} of "
-        f"{cost.units:,} positions, {cost.size_bytes / 1e9:.2f} GB"
+        f"{cost.positions:,} positions, {cost.size_bytes / 1e9:.2f} GB"
     )
 
 

@@ -1,9 +1,7 @@
 """Maps of what Baxter can reach: every "yes" has a witness, every "no" a proof."""
 
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.atlas.building import BlockReport, build_reach_map
-from planner.atlas.cell import Cell
-from planner.atlas.contents import ArmContents, count_contents
+from planner.atlas.building import BlockReport, Cost, estimate
 from planner.atlas.positions import PositionGrid
 from planner.atlas.questions.arm_choice import ArmChoice, which_arm
 from planner.atlas.questions.calibrated.carrying_over import CalibratedCells, for_calibrated
@@ -16,7 +14,14 @@ from planner.atlas.questions.placing.search import where
 from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
 from planner.atlas.questions.placing.task_file import load_task
 from planner.atlas.questions.pose_answer import PoseAnswer
-from planner.atlas.reach_map import ReachMap
+from planner.atlas.reach_map import (
+    ArmContents,
+    Cell,
+    ReachDefinition,
+    ReachMap,
+    build_reach_map,
+    count_contents,
+)
 from planner.atlas.rotations import RotationGrid
 
 __all__ = [
@@ -25,6 +30,7 @@ __all__ = [
     "BlockReport",
     "CalibratedCells",
     "Cell",
+    "Cost",
     "Keep",
     "NearestPose",
     "Placement",
@@ -33,6 +39,7 @@ __all__ = [
     "Placements",
     "PoseAnswer",
     "PositionGrid",
+    "ReachDefinition",
     "ReachMap",
     "RotationGrid",
     "TableTask",
@@ -41,6 +48,7 @@ __all__ = [
     "Visit",
     "build_reach_map",
     "count_contents",
+    "estimate",
     "for_calibrated",
     "load_task",
     "nearest_reachable",

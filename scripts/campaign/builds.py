@@ -15,8 +15,9 @@ from typing import Any
 
 import psutil
 
-from planner.atlas.blocks import REACH_MAP, Layout
-from planner.atlas.redundancy.redundancy_map import REDUNDANCY_MAP
+from planner.atlas import ReachMap
+from planner.atlas.block_map import BlockMap, is_map
+from planner.atlas.redundancy import RedundancyMap
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 
@@ -36,9 +37,9 @@ class Wanted:
     reach: Path | None = None
 
     @property
-    def layout(self) -> Layout:
-        """Of its files."""
-        return REACH_MAP if self.reach is None else REDUNDANCY_MAP
+    def kind(self) -> type[BlockMap]:
+        """Class of the map."""
+        return ReachMap if self.reach is None else RedundancyMap
 
     @property
     def words(self) -> list[str]:
@@ -110,10 +111,9 @@ class Build:
             return []
 
 
-def blocks_stored(path: Path, layout: Layout) -> int:
-    """How many blocks of a map are there."""
-    chunk = "/".join([layout.last, "c", *["*"] * 4, *["0"] * layout.inner])
-    return sum(file.is_file() for file in path.glob(chunk))
+def blocks_stored(path: Path, kind: type[BlockMap]) -> int:
+    """Number of blocks of a map that are there."""
+    return len(kind(path).computed_blocks()) if is_map(path) else 0
 
 
 def digests(path: Path) -> dict[str, str]:

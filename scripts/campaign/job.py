@@ -18,7 +18,7 @@ from pathlib import Path
 from baxter_kin import Baxter
 from baxter_kin.parallel import Engine, LocalPool, Serial
 from planner.atlas import BlockReport, PositionGrid, ReachMap, RotationGrid, build_reach_map
-from planner.atlas.redundancy import RedundancyReport, Subset, build_redundancy_map
+from planner.atlas.redundancy import Subset, build_redundancy_map
 
 ENGINES = ("serial", "pool", "cluster")
 
@@ -62,7 +62,7 @@ def main() -> int:
     parser.add_argument("--reach", type=Path)
     chosen, blocks_s = parser.parse_args(), list[float]()
 
-    def note(_done: int, _total: int, report: BlockReport | RedundancyReport) -> None:
+    def note(_done: int, _total: int, report: BlockReport) -> None:
         blocks_s.append(report.time_s)
 
     build = prepared(chosen)

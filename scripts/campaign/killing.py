@@ -43,15 +43,15 @@ def with_killed_builds(
     """A map whose build is killed with all its workers, again and again, and then finished."""
     path, engines = folder / "builds_killed.zarr", ("pool", "cluster")
     for number in range(kills):
-        engine, before = engines[number % 2], blocks_stored(path, wanted.layout)
+        engine, before = engines[number % 2], blocks_stored(path, wanted.kind)
         build = Build.begin(path, engine, 2, wanted)
-        while build.is_running and blocks_stored(path, wanted.layout) <= before:
+        while build.is_running and blocks_stored(path, wanted.kind) <= before:
             time.sleep(0.02)
         time.sleep(chance.uniform(0.0, LONGEST_WAIT_S))
         if not build.is_running:
             raise RuntimeError("the build was over before it was killed; take a larger map")
         killed = build.kill()
-        stored = blocks_stored(path, wanted.layout)
+        stored = blocks_stored(path, wanted.kind)
         tell(f"{engine}: build killed, {killed} processes, with {stored} blocks stored")
     Build.begin(path, "pool", 2, wanted).finished()
     return path

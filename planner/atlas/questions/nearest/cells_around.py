@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.atlas.blocks import Block
+from planner.atlas.block_map import Block
 from planner.atlas.questions.nearest.measure import Keep, PoseMeasure
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, UNREACHABLE, Codes
