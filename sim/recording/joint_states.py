@@ -105,8 +105,8 @@ LIMIT_ROUNDING_RAD = 1e-11
 """A limit written with twelve digits may be exceeded by so much."""
 
 SPEED_FACTOR = 2.0
-"""Of the maximum in position mode; a guiding hand may be faster. Driven by torques, real Baxters kept
-99.9 % of the time below 1.9 rad/s, wrists below 2.3."""
+"""Of the maximum in position mode, since a guiding hand may be faster. Driven by torques, real
+Baxters kept 99.9 % of the time below 1.9 rad/s, wrists below 2.3."""
 
 MAX_LATENESS_S = 0.1
 """Maximum lateness of a row's stamp: ten rows of the recorder, which stamps as it writes."""
