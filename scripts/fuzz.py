@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import psutil
 from fuzzing.targets import OURS, Target, all_targets, properties_of
-from fuzzing.values import FILLER, HOSTILE, forget, receivers, valid
+from fuzzing.values import FILLER, HOSTILE, forget, hostile, receivers, valid
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from tqdm import tqdm
@@ -255,10 +255,10 @@ def drawn(target: Target, count: int, number: int, use: Callable[[Call], None]) 
 
 
 @st.composite
-def calls(draw: st.DrawFn, target: Target, hostile: Sequence[int] = HOSTILE_COUNTS) -> Call:
-    """Calls of a target, with as many hostile arguments as one of `hostile` says."""
+def calls(draw: st.DrawFn, target: Target, counts: Sequence[int] = HOSTILE_COUNTS) -> Call:
+    """Calls of a target, with as many hostile arguments as one of `counts` says."""
     names = [parameter.name for parameter in target.parameters]
-    count = draw(st.sampled_from(hostile)) if names else 0
+    count = draw(st.sampled_from(counts)) if names else 0
     spoilt = set(draw(st.permutations(names))[:count])
     is_wrong = bool(names and count) and draw(st.integers(1, WRONG_CALLS)) == WRONG_CALLS
     left_out = names[0] if is_wrong and draw(st.booleans()) else None
@@ -267,9 +267,12 @@ def calls(draw: st.DrawFn, target: Target, hostile: Sequence[int] = HOSTILE_COUN
         name, is_needed = parameter.name, parameter.default is parameter.empty
         if name == left_out or not (name in spoilt or is_needed or draw(st.integers(0, 4)) > 2):
             continue
-        label = draw(st.sampled_from(tuple(HOSTILE))) if name in spoilt else "valid"
-        value = HOSTILE[label]() if name in spoilt else draw(valid(target.name, parameter))
-        words.append(f"{name}=<{label}>")
+        if name in spoilt:
+            label = draw(st.sampled_from(HOSTILE))
+            value = hostile(label)
+        else:
+            label, value = "<valid>", draw(valid(target.name, parameter))
+        words.append(f"{name}={label}")
         if parameter.kind is parameter.VAR_POSITIONAL:
             several = (value,)
         else:

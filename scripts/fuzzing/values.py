@@ -7,12 +7,13 @@ the rest by the name of a parameter and by its annotation.
 
 from __future__ import annotations
 
+import functools  # noqa: F401 - for `HOSTILE`
 import inspect
-import itertools
+import itertools  # noqa: F401 - the same
 import re
 from collections.abc import Callable, Mapping
 from enum import Enum
-from pathlib import Path
+from pathlib import Path  # noqa: F401 - the same
 from types import MappingProxyType
 from typing import Any
 
@@ -43,71 +44,82 @@ class Stranger:
     """An object of a class that the toolkit does not know."""
 
 
-def _turned(R: list[list[float]]) -> pin.SE3:
-    return pin.SE3(np.array(R, dtype=np.float64), np.zeros(3))
-
-
-def _nested(depth: int) -> list[Any]:
-    inner: list[Any] = []
-    for _ in range(depth):
-        inner = [inner]
-    return inner
-
-
-HOSTILE: Mapping[str, Callable[[], Any]] = MappingProxyType(
-    {
-        **{repr(value): (lambda value=value: value) for value in (None, 5, -1, 0, 0.5, True, 1j)},
-        **{text: (lambda text=text: float(text)) for text in ("nan", "inf", "-inf", "1e308")},
-        "1e-308": lambda: 1e-308,
-        "10**12": lambda: 10**12,
-        "10**400": lambda: 10**400,
-        **{ascii(text): (lambda text=text: text) for text in ("", "x", "0.1", "\ud800", "a\0b")},
-        "a long string": lambda: FILLER * LONG,
-        "b'x'": lambda: b"x",
-        "long bytes": lambda: FILLER.encode() * LONG,
-        "()": lambda: (),
-        "[]": list,
-        "{}": dict,
-        "set()": set,
-        "{'a': 1}": lambda: {"a": 1},
-        "{5: None}": lambda: {5: None},
-        "[None]": lambda: [None],
-        "['a', 'b']": lambda: ["a", "b"],
-        "[[1, 2], [3]]": lambda: [[1, 2], [3]],
-        "lists in lists": lambda: _nested(100),
-        "[1.0] * 7": lambda: [1.0] * 7,
-        "['1'] * 7": lambda: ["1"] * 7,
-        "[10**400] * 7": lambda: [10**400] * 7,
-        "a generator": lambda: (x for x in [1.0, 2.0]),
-        "an endless generator": itertools.count,
-        "an endless repetition": lambda: itertools.repeat(pin.SE3.Identity()),
-        "range(10**12)": lambda: range(10**12),
-        **{
-            f"zeros({shape})": (lambda shape=shape: np.zeros(shape))
-            for shape in (0, 3, 7, (2, 7), (0, 7), (3, 3), (4, 4), 100_000)
-        },
-        "full(7, nan)": lambda: np.full(7, np.nan),
-        "full(7, inf)": lambda: np.full(7, np.inf),
-        "full(7, 1e308)": lambda: np.full(7, 1e308),
-        "masked": lambda: np.ma.array(np.zeros(7), mask=[True] + [False] * 6),
-        "objects": lambda: np.array([None, "a", 1.0], dtype=object),
-        "complex": lambda: np.zeros(7, dtype=np.complex128),
-        "booleans": lambda: np.ones(7, dtype=np.bool_),
-        "words": lambda: np.array(["a"] * 7),
-        "dates": lambda: np.array(["2020-01-01"] * 7, dtype="datetime64[D]"),
-        "integers": lambda: np.zeros(7, dtype=np.int8),
-        "nan in SE3": lambda: pin.SE3(np.eye(3), np.array([np.nan, 0.0, 0.0])),
-        "far SE3": lambda: pin.SE3(np.eye(3), np.array([1e308, 0.0, 0.0])),
-        "mirrored SE3": lambda: _turned([[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
-        "zero SE3": lambda: _turned([[0, 0, 0], [0, 0, 0], [0, 0, 0]]),
-        "sheared SE3": lambda: _turned([[1, 1, 0], [0, 1, 0], [0, 0, 1]]),
-        "a stranger": Stranger,
-        "a class": lambda: Stranger,
-        "a function": lambda: lambda *_: None,
-        "a folder": Path,
-    }
+HOSTILE = tuple(
+    r"""
+None
+5
+-1
+0
+0.5
+nan
+inf
+-inf
+1e308
+1e-308
+10**12
+10**400
+True
+1j
+""
+"x"
+"0.1"
+"\ud800"
+"a\0b"
+FILLER * LONG
+b"x"
+FILLER.encode() * LONG
+()
+[]
+{}
+set()
+{"a": 1}
+{5: None}
+[None]
+["a", "b"]
+[[1, 2], [3]]
+functools.reduce(lambda inner, _: [inner], range(100), [])
+[1.0] * 7
+["1"] * 7
+[10**400] * 7
+(x for x in [1.0, 2.0])
+itertools.count()
+itertools.repeat(pin.SE3.Identity())
+range(10**12)
+np.zeros(0)
+np.zeros(3)
+np.zeros(7)
+np.zeros((2, 7))
+np.zeros((0, 7))
+np.zeros((3, 3))
+np.zeros((4, 4))
+np.zeros(LONG)
+np.full(7, nan)
+np.full(7, inf)
+np.full(7, 1e308)
+np.ma.array(np.zeros(7), mask=[True] + [False] * 6)
+np.array([None, "a", 1.0], dtype=object)
+np.zeros(7, dtype=np.complex128)
+np.ones(7, dtype=np.bool_)
+np.array(["a"] * 7)
+np.array(["2020-01-01"] * 7, dtype="datetime64[D]")
+np.zeros(7, dtype=np.int8)
+pin.SE3(np.eye(3), np.array([nan, 0.0, 0.0]))
+pin.SE3(np.eye(3), np.array([1e308, 0.0, 0.0]))
+pin.SE3(np.diag([-1.0, 1.0, 1.0]), np.zeros(3))
+pin.SE3(np.zeros((3, 3)), np.zeros(3))
+pin.SE3(np.eye(3) + np.diag([1.0, 0.0], k=1), np.zeros(3))
+Stranger()
+Stranger
+lambda *_: None
+Path()
+""".strip().splitlines()
 )
-"""By the name under which a report shows it."""
+"""Expressions, which a report shows as they are."""
+
+
+def hostile(expression: str) -> Any:
+    """The value of an expression in `HOSTILE`."""
+    return eval(expression, {**globals(), "nan": np.nan, "inf": np.inf})
 
 
 # Objects whose parts have to fit together
