@@ -9,20 +9,15 @@ the robot's memory grew and how far its rate of joint states drifted from 100 Hz
 from __future__ import annotations
 
 import argparse
-import contextlib
 import itertools
-import signal
-import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
 import numpy as np
+from measure_ros1 import IK_TYPE, LOOPBACK, robot_process
 
-from sim.errors import RosConnectionError
 from sim.ros1.definitions import service_type
 from sim.ros1.node import Node, Received
 
@@ -93,17 +88,13 @@ class Demo:
     def _reach(self, x: float, y: float, z: float) -> None:
         pose = {"position": {"x": x, "y": y, "z": z}, "orientation": DOWN}
         stamped = {"header": {"frame_id": "base"}, "pose": pose}
-        answer = self._node.call(
-            self._ik, "baxter_core_msgs/SolvePositionIK", self._request(stamped)
-        )
+        request = service_type(IK_TYPE).request.make(pose_stamp=[stamped])
+        answer = self._node.call(self._ik, IK_TYPE, request)
         if not answer.isValid[0]:
             self.unsolved += 1
             return
         solution = dict(zip(answer.joints[0].name, answer.joints[0].position, strict=True))
         self._go([solution[name] for name in JOINTS])
-
-    def _request(self, stamped: dict[str, Any]) -> Any:
-        return service_type("baxter_core_msgs/SolvePositionIK").request.make(pose_stamp=[stamped])
 
     def _go(self, goal: Any) -> None:
         self.moves += 1
@@ -137,24 +128,6 @@ def memory_mb(process: int) -> float:
     return int(line.split()[1]) / 1024.0
 
 
-def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
-def started_node(master_uri: str, process: subprocess.Popen[bytes]) -> Node:
-    """A node, as soon as the robot's master answers."""
-    for _ in range(200):
-        with contextlib.suppress(RosConnectionError):
-            return Node("/soak", master_uri=master_uri, host="127.0.0.1")
-        if process.poll() is not None:
-            break
-        time.sleep(0.1)
-    sys.exit("the simulated Baxter was not ready within 20 s")
-
-
 def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> None:
     """Run the demo and tell a line a minute."""
     until_s = time.monotonic() + 60.0 * minutes
@@ -177,22 +150,15 @@ def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> None:
 
 def main() -> None:
     """Run it."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--minutes", type=int, default=60)
     minutes = parser.parse_args().minutes
-    port = free_port()
-    command = ["-m", "sim.ros1.robot", "--own-master", "--port", str(port), "--table", "--block"]
-    robot = subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL)
-    try:
-        with started_node(f"http://127.0.0.1:{port}", robot) as node:
-            watch = Watch()
-            node.subscribe("/robot/joint_states", "sensor_msgs/JointState", watch.heard)
-            demo = Demo(node, watch)
-            time.sleep(2.0)
-            watched(demo, watch, robot.pid, minutes)
-    finally:
-        robot.send_signal(signal.SIGINT)
-        print("the simulated Baxter ended with status", robot.wait(20.0))
+    with robot_process() as (uri, robot), Node("/soak", master_uri=uri, host=LOOPBACK) as node:
+        watch = Watch()
+        node.subscribe("/robot/joint_states", "sensor_msgs/JointState", watch.heard)
+        demo = Demo(node, watch)
+        time.sleep(2.0)
+        watched(demo, watch, robot, minutes)
 
 
 if __name__ == "__main__":
