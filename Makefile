@@ -9,7 +9,7 @@ ARGS ?=
 AS_ROOT = $(if $(filter 0,$(shell id -u)),--allow-root) # JupyterLab refuses root without it
 unexport PYTHONDONTWRITEBYTECODE # some images set it; then each process compiles what it imports
 
-.PHONY: demo notebooks docs test check clean
+.PHONY: demo notebooks docs test test-all check clean
 
 demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
@@ -23,6 +23,9 @@ docs: $(VENV)/.docs
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto $(ARGS)
+
+test-all: $(VENV)/.test # with the campaigns, which take hours
+	$(BIN)/python -m pytest -n auto -m "" $(ARGS)
 
 check: $(VENV)/.check
 	$(BIN)/ruff format --check .
