@@ -19,7 +19,7 @@ from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.util import logging
 
-from tests import notebook_kernel
+from tests.notebook_kernel import notebooks
 
 LOGGER = logging.getLogger(__name__)
 CHECKOUT = Path(__file__).parents[2]
@@ -31,10 +31,6 @@ UP, DOWN = "](../docs/", "](../"
 """How a notebook links to a page of docs/, in the checkout and on the site."""
 
 WITHIN_S = 600.0
-
-runs_here = notebook_kernel.module("notebooks").runs_here
-page_of = notebook_kernel.module("replays").page_of
-shows_replay = notebook_kernel.module("replays").shows_replay
 
 _running: dict[str, subprocess.Popen[str]] = {}
 
@@ -53,9 +49,11 @@ def begin(_app: Sphinx, _config: Config) -> None:
     newest = max(path.stat().st_mtime for path in sources())
     for path in sorted(STORED.glob("*.ipynb")):
         notebook = nbformat.read(path, as_version=4)
-        count = embed(notebook, path.stem) if runs_here(path.stem) else 0
+        count = embed(notebook, path.stem) if notebooks.runs_here(path.stem) else 0
         write_if_other(PAGES / path.name, nbformat.writes(notebook).replace(UP, DOWN))
-        pages = [PAGES / MADE_IN / f"{page_of(path.stem, n)}.html" for n in range(1, count + 1)]
+        pages = [
+            PAGES / MADE_IN / f"{notebooks.page_of(path.stem, n)}.html" for n in range(1, count + 1)
+        ]
         if any(not page.exists() or page.stat().st_mtime < newest for page in pages):
             _running[path.stem] = start(path.stem)
 
@@ -79,9 +77,11 @@ def embed(notebook: NotebookNode, stem: str) -> int:
     """Put frames in place of stored pictures of replays; how many there are."""
     count = 0
     for cell in notebook.cells:
-        if cell.cell_type == "code" and shows_replay(cell.source):
+        if cell.cell_type == "code" and notebooks.shows_replay(cell.source):
             count += 1
-            shown = frame(page_of(stem, count), f"Replay of notebook {stem.replace('_', ' ')}")
+            shown = frame(
+                notebooks.page_of(stem, count), f"Replay of notebook {stem.replace('_', ' ')}"
+            )
             kept = [output for output in cell.outputs if output.output_type == "stream"]
             cell.outputs = [*kept, nbformat.v4.new_output("display_data", {"text/html": shown})]
     return count
