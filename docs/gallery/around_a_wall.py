@@ -2,7 +2,7 @@
 Around a wall
 =============
 
-A wall stands between the block and its goal. The planner finds a way around it, and proves it clear.
+A wall stands between the block and its goal. The planner finds a way around it and proves it clear.
 """
 
 import matplotlib.pyplot as plt
