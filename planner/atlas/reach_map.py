@@ -134,7 +134,8 @@ class ReachDefinition:
 
     def compute(self, arm: int, at: Indices) -> Cells:
         """Cells of positions of one arm."""
-        points: FloatArray = self.positions.step_m * (np.array(self.positions.first) + at)
+        first = np.array(self.positions.first, dtype=np.float64)
+        points: FloatArray = self.positions.step_m * (first + at)
         return self._searches[arm].search(points)
 
     @cached_property
