@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from sim.view.encoding import packed
 from sim.view.meshcat_commands import (
     TUBE_STEP_M,
     compact,
     delete,
     glowing,
     material,
+    packed,
     painted,
     set_object,
     set_property,

@@ -16,8 +16,8 @@ from playwright.sync_api import Browser
 from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
-from sim.view.gripper_status import GripperMood, GripperPhase
 from sim.view.live.viewer import Viewer
+from sim.view.panel import GripperMood, GripperPhase
 from tests.conftest import at
 from tests.sim.conftest import (
     BLOCK_AT_END,

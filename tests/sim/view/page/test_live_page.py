@@ -16,14 +16,14 @@ from playwright.sync_api import Browser
 from baxter_kin import Arm, Baxter
 from planner import Body
 from sim.recording.recording import Recording
-from sim.view.encoding import Command, encoded
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
 from sim.view.live.server import LiveServer
-from sim.view.meshcat_commands import delete
+from sim.view.meshcat_commands import Command, delete
 from sim.view.overlays import nearest_command
 from sim.view.replay import replay_content
 from sim.view.scenegraph import body_commands
+from sim.view.webpage import encoded
 from tests.sim.conftest import DEADLINE_S, SIZE, Watched, watched_page
 from tests.sim.view.page.test_accessibility import violations
 
