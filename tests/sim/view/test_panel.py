@@ -45,7 +45,7 @@ def arm(executed: Recording, robot: Baxter) -> dict[str, Any]:
     return arms["left"]
 
 
-def test_no_arm_has_curves_where_none_moves(executed: Recording, robot: Baxter) -> None:
+def test_arms_at_rest_have_no_curves(executed: Recording, robot: Baxter) -> None:
     still = evolve(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
     assert recorded_arms(still, robot) == {}
 
@@ -107,7 +107,7 @@ def waypoints_of(recording: Recording) -> list[dict[str, Any]]:
     return waypoints(recording.moves, *recording.times_s[[0, -1]].tolist())
 
 
-def test_each_move_has_a_waypoint_with_what_inverse_kinematics_answered(
+def test_each_move_has_a_waypoint_with_its_result_of_inverse_kinematics(
     executed: Recording,
 ) -> None:
     listed = waypoints_of(executed)
@@ -161,12 +161,14 @@ def status_after(*percents: float, side: str = "left") -> GripperStatus:
         ((90.0, 100.0, 100.0), "open"),
     ],
 )
-def test_positions_tell_what_the_fingers_do(percents: tuple[float, ...], words: str) -> None:
+def test_positions_determine_the_phase_of_empty_hands(
+    percents: tuple[float, ...], words: str
+) -> None:
     assert status_after(*percents).phases["left"].words == words
 
 
 @pytest.mark.parametrize(("side", "name"), [("left", "block"), ("right", "pads")])
-def test_hand_and_body_are_those_of_the_event_until_it_opens(
+def test_an_event_gives_the_held_body_until_the_hand_opens(
     block: Body, side: str, name: str
 ) -> None:
     """Whatever its text says, and whichever fingers moved last."""
@@ -177,7 +179,7 @@ def test_hand_and_body_are_those_of_the_event_until_it_opens(
     assert [phase.is_holding for phase in status.phases.values()].count(True) == 1
 
 
-def test_a_miss_is_told_until_the_hand_opens() -> None:
+def test_a_miss_is_shown_until_the_hand_opens() -> None:
     status = status_after(100.0, 10.0)
     status.on_event(event_of(EventKind.MISSED))
     for _ in range(2):
@@ -216,7 +218,7 @@ def test_the_timelines_of_a_pick_and_place(executed: Recording) -> None:
     assert [phase.words for _, phase in timelines["right"]] == ["open"]
 
 
-def test_what_came_before_a_cut_recording_is_not_told(executed: Recording) -> None:
+def test_events_before_a_cut_recording_have_no_effect(executed: Recording) -> None:
     grasped = next(event for event in executed.events if event.kind is EventKind.GRASPED)
     rows = executed.times_s > grasped.time_s
     cut = evolve(

@@ -42,7 +42,7 @@ def test_a_text_is_inserted_as_it_is(text: str) -> None:
 
 
 @given(st.text() | st.sampled_from(["</script>", "a</SCRIPT b", "<!-- </scripty", "<\\/script>"]))
-def test_a_text_in_a_script_says_the_same_and_does_not_end_it(text: str) -> None:
+def test_a_text_in_a_script_keeps_its_value_and_does_not_end_the_script(text: str) -> None:
     code = inside_script(json.dumps(text))
     assert "</script" not in code.lower()
     assert json.loads(code) == text
@@ -54,7 +54,7 @@ def test_the_viewer_is_there_and_has_no_end_of_script_left_in_it() -> None:
     assert "</script" not in inside_script(bundle).lower()
 
 
-def test_without_meshcat_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_meshcat_the_error_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(webpage, "find_spec", lambda _name: None)
     with pytest.raises(ViewerError, match=r"run: .* -m pip install meshcat$"):
         viewer_bundle()
@@ -68,7 +68,7 @@ SAMPLES = np.arange(7000) / 7000.0
 
 
 @given(ANY)
-def test_every_array_is_the_same_again(values: NDArray[Any]) -> None:
+def test_every_coded_array_is_restored(values: NDArray[Any]) -> None:
     again = added_up(delta_coded({"a": [values]}))["a"][0]
     assert again.dtype == values.dtype
     assert again.tobytes() == values.tobytes()
@@ -82,7 +82,7 @@ def test_differences_of_large_numbers_do_not_overflow(kind: str, most: int) -> N
     assert again.tobytes() == values.tobytes()
 
 
-def test_trees_without_long_arrays_of_multiples_stay() -> None:
+def test_trees_without_long_arrays_of_multiples_are_unchanged() -> None:
     tree = {"a": [1, "b", None, (2.5, {})], "c": True}
     assert delta_coded(tree) == {"a": [1, "b", None, [2.5, {}]], "c": True}
     odd = (np.nan, np.inf, 1e-30, 3e9, 2.0**-25, -0.0)
@@ -107,7 +107,7 @@ def test_a_motion_is_half_as_large() -> None:
     assert sizes[1] < 0.5 * sizes[0]
 
 
-def test_the_page_adds_them_up_to_the_same(story: Watched) -> None:
+def test_the_page_restores_coded_arrays(story: Watched) -> None:
     rng = np.random.default_rng(5)
     wanted: dict[str, NDArray[Any]] = {
         "int8": rng.integers(-127, 128, 300).astype(np.int8),
@@ -142,6 +142,6 @@ def test_sharing_geometries_leaves_the_commands_alone() -> None:
 
 
 @pytest.mark.parametrize("kind", ["float64", "int64"])
-def test_arrays_that_pages_lack_are_refused_by_name(kind: str) -> None:
+def test_arrays_of_other_types_are_refused(kind: str) -> None:
     with pytest.raises(TypeError, match=kind):
         packed(np.zeros(3, dtype=kind))
