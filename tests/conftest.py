@@ -37,6 +37,7 @@ OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.004864508
 
 settings.register_profile("default", deadline=None, max_examples=50)
 settings.register_profile("ci", deadline=None, max_examples=50, derandomize=True)
+settings.register_profile("quick", deadline=None, max_examples=3, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 

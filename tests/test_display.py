@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import attrs
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import find, given
 from hypothesis import strategies as st
 
 import planner
@@ -47,23 +47,24 @@ def public_classes() -> dict[str, type[Any]]:
     }
 
 
-WRITERS = ("PlanCsvFile",)
-
-
 @pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A valid object of every class, from the fuzzing script."""
+def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Any]]:
+    """Gives a valid object of a class, from the fuzzing script."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[1] / "scripts"))
-        made = importlib.import_module("fuzzing.stage").Stage(tmp_path_factory.mktemp("stage"))
-        yield made
-        for kind in WRITERS:
-            made[kind].close()
+        patch.chdir(tmp_path_factory.mktemp("written"))
+        values = importlib.import_module("fuzzing.values")
+        # wrapped, as hypothesis asks for the long `repr` of what `find` finds
+        yield lambda name: find(values.objects(name).map(lambda it: lambda: it), lambda _: True)()
+        for name in ("PlanCsvFile", "Viewer"):
+            values.one(name).close()
 
 
 @pytest.mark.parametrize("name", public_classes())
-def test_every_public_class_is_shown_in_one_short_line(name: str, stage: Any) -> None:
-    shown = repr(stage[name])
+def test_every_public_class_is_shown_in_one_short_line(
+    name: str, example: Callable[[str], Any]
+) -> None:
+    shown = repr(example(name))
     assert shown.isprintable()
     assert len(shown) <= MAX_LINE
     assert shown.removeprefix("<").startswith((f"{name}(", f"{name}."))

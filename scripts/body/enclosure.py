@@ -1,10 +1,14 @@
-"""Plugs: solids put into the openings of hollow links before they are wrapped.
+"""What a link encloses: the volume inside a closed surface a little outside its mesh.
 
-Covers are open where the next link enters: collars, the slots that take an elbow's disc, the discs'
-flanks. There the other link's cover stands, so nothing is lost by closing them; wrapped open, the
-surface would line the inside of every cover. A plug is the hull of what the mesh has inside a box,
-so it ends flush with the opening's rim, or a cylinder a little larger than the disc that turns in
-the slot.
+Links are hollow covers, open where the next link enters. Plugs close these openings, a filling
+keeps slits and seams from being entered, and CGAL's alpha wrapping (Portaneri et al., "Alpha
+wrapping with an offset", SIGGRAPH 2022; here through pymeshlab) puts a closed surface around all
+of it. It is only asked what is wholly inside, so it need not be as near to the mesh as the
+triangles are.
+
+A plug is the hull of what the mesh has inside a box, so it ends flush with the opening's rim, or a
+cylinder a little larger than the disc that turns in a slot. There the other link's cover stands, so
+nothing is lost by closing it; wrapped open, the surface would line the inside of every cover.
 All lengths in mm, in the frame of the mesh.
 """
 
@@ -12,13 +16,17 @@ from __future__ import annotations
 
 import manifold3d
 import numpy as np
+import pymeshlab
 import trimesh
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
 
-from body.convex import clipped, convex_hull
-from body.meshes import triangles
+from body.meshes import samples, triangles
+from body.pieces import clipped, convex_hull
+from body.thinning import Mesh, thinned_closed
 
 F = NDArray[np.float64]
+
 INF = 1e6
 
 RIMS: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, float]]]] = {
@@ -121,3 +129,64 @@ def _floor(soup: F, height: float, thickness: float) -> F:
 def _area(loop: F) -> float:
     ahead = np.roll(loop, -1, axis=0)
     return float(0.5 * np.sum(loop[:, 0] * ahead[:, 1] - ahead[:, 0] * loop[:, 1]))
+
+
+def filling(soup: F, voxel: float, ball: float, rim: float) -> F:
+    """The boundary of the filled voxels as triangles (n, 3, 3), mm."""
+    points = samples(soup, 0.6 * voxel)
+    low = points.min(axis=0) - ball - 4.0 * voxel
+    shape = np.ceil((points.max(axis=0) + ball + 4.0 * voxel - low) / voxel).astype(int)
+    full = np.zeros(shape, dtype=bool)
+    full[tuple(((points - low) / voxel).astype(int).T)] = True
+    centres = distance_transform_edt(~full) * voxel > ball
+    regions, _ = label(centres)
+    swept = distance_transform_edt(regions != regions[0, 0, 0]) * voxel <= ball
+    core = distance_transform_edt(~swept) * voxel > rim
+    return np.asarray(np.concatenate(_sides(core)) * voxel + low)
+
+
+def _sides(core: NDArray[np.bool_]) -> list[F]:
+    """Two triangles for every voxel side between core and the rest, in voxels."""
+    padded = np.pad(core, 1)
+    triangles = []
+    for axis in range(3):
+        along, across = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+        for side in (0, 1):
+            neighbour = np.roll(padded, 1 - 2 * side, axis=axis)[1:-1, 1:-1, 1:-1]
+            corner = np.argwhere(core & ~neighbour).astype(np.float64)
+            corner[:, axis] += side
+            square = [corner, corner + along, corner + along + across, corner + across]
+            triangles.append(np.stack([square[0], square[1], square[2]], axis=1))
+            triangles.append(np.stack([square[0], square[2], square[3]], axis=1))
+    return triangles
+
+
+ALPHA = 5.0
+"""Radius of the wrap's probe, mm: it enters no opening that is narrower than twice that."""
+
+OFFSET = 0.5
+"""Of the wrap from the mesh, mm."""
+
+DEVIATION = {"base_link": 2.0, "PEDESTAL": 3.0}
+"""By how much the wrap may be thinned, mm, 0.5 where not named; a point may be missed so far inside
+the mesh, and what is there and touches nothing is smaller still."""
+
+FILL = {"base_link": (2.5, 12.0, 6.0), "PEDESTAL": (4.0, 24.0, 11.0)}
+"""Voxel, ball and rim of `filling`, mm, where the mesh is large."""
+
+
+def enclosure(mesh: str) -> Mesh:
+    """The closed surface around what a mesh encloses; vertices in mm."""
+    solid = np.concatenate([triangles(mesh), plugs(mesh)])
+    core = filling(solid, *FILL.get(mesh, (1.5, 8.0, 7.0)))
+    vertices, faces = np.unique(
+        np.concatenate([solid, core]).reshape(-1, 3), axis=0, return_inverse=True
+    )
+    scene = pymeshlab.MeshSet()
+    scene.add_mesh(pymeshlab.Mesh(vertices * 1e-3, faces.reshape(-1, 3)))
+    scene.generate_alpha_wrap(
+        alpha=pymeshlab.PureValue(ALPHA * 1e-3), offset=pymeshlab.PureValue(OFFSET * 1e-3)
+    )
+    wrap = scene.current_mesh()
+    corners = (wrap.vertex_matrix() * 1e3)[wrap.face_matrix()]
+    return thinned_closed(corners, DEVIATION.get(mesh, 0.5), spacing=4.0)
