@@ -4,6 +4,7 @@ import logging
 import re
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from baxter_kin.command_line import (
     option,
     parse,
     part,
+    progress,
     subcommands,
     whole_number,
 )
@@ -54,6 +56,23 @@ def test_what_others_log_is_not_shown() -> None:
     with log_shown(said.append, said.append):
         logging.getLogger("somebody_else").warning("something")
     assert said == []
+
+
+def test_progress_is_for_terminals_and_for_who_wants_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Elsewhere it comes once in a minute."""
+    pytest.importorskip("tqdm")
+    for is_terminal, is_quiet, is_shown in (
+        (True, False, True),
+        (True, True, False),
+        (False, False, False),
+    ):
+        monkeypatch.setattr("sys.stderr.isatty", lambda is_it=is_terminal: is_it, raising=False)
+        with progress("info", 3, "block", is_quiet=is_quiet) as advance:
+            time.sleep(0.11)
+            advance(2)
+        assert ("info:  67%" in capsys.readouterr().err) == is_shown
 
 
 def test_the_logger_is_left_as_it_was() -> None:
