@@ -17,7 +17,7 @@ from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.limits import JointLimits
-from baxter_kin.validation import FloatArray, finite_rows
+from baxter_kin.validation import FloatArray, finite_array
 from planner.errors import AtlasError
 
 
@@ -31,7 +31,7 @@ class _WidestMargin:
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """Minus the margin of each configuration, shape (n,)."""
         limits = arm.limits
-        q = finite_rows(q, 7, "q", ConfigurationError)
+        q = finite_array(q, (None, 7), "q", ConfigurationError)
         return np.array(-np.minimum(q - limits.q_min, limits.q_max - q).min(axis=1))
 
 

@@ -317,7 +317,7 @@ def test_no_proof_is_false(tipped: Arm, name: str) -> None:
     tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
     reach = ReachBound(tipped, tolerance)
     asked = []
-    for reached in reachable(tipped, 100, 6):
+    for reached in reachable(tipped, 50, 6):
         T = reached * _within(tolerance, rng).inverse()
         assert max(tolerance.excess(T, reached)) <= 1e-9
         assert reach.proof(T) is None

@@ -92,12 +92,12 @@ def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
         pieces = list(pieces_inside(solution_curve, [loop]))
         points, _ = filled(solution_curve.without_limits, loop.points, 0.01)
         inside = solution_curve.into_range(points)
-        for point in inside.q[inside.clearance_rad > AT_LIMIT_RAD]:
+        for point in inside.q[inside.clearance_rad > AT_LIMIT_RAD][::3]:
             assert sum(holds(piece, point) for piece in pieces) == 1
             checked += 1
-        for point in inside.q[inside.clearance_rad < -AT_LIMIT_RAD]:
+        for point in inside.q[inside.clearance_rad < -AT_LIMIT_RAD][::3]:
             assert not any(holds(piece, point) for piece in pieces)
-    assert checked > 300
+    assert checked > 100
 
 
 AT_LIMIT_RAD = 1e-3
