@@ -20,11 +20,11 @@ from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 
 LIMBS = ("left", "right")
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+"""The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 MAX_SPEED_RAD_S = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
 """Greatest speeds of the joints in position mode, at speed ratio 1 (Rethink's hardware
 specification), shoulder first."""
-"""The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 _NEUTRAL = (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0)
 _LEFT_START = (

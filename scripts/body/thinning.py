@@ -15,7 +15,7 @@ import pymeshlab
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from body.measuring import distances, divided, halved, longest_edges, samples_of
+from body.meshes import distances, divided, halved, longest_edges, samples_of
 
 F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]

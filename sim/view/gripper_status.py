@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.kinematics.arm import LIMBS
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import finger_joints
 from sim.recording.recording import Recording
 
 MOTION_TOLERANCE_PERCENT = 0.1

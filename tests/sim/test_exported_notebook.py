@@ -6,13 +6,14 @@ from pathlib import Path
 
 from nbconvert import HTMLExporter
 
-from tests.notebook_kernel import executed
+from tests.notebook_kernel import notebooks
 from tests.sim.conftest import Watched
 
 
 def test_replay_plays_in_an_exported_notebook(watched: Watched, tmp_path: Path) -> None:
     exporter = HTMLExporter(mathjax_url="", require_js_url="")  # else its template fetches both
-    text, _ = exporter.from_notebook_node(executed("4_pick_and_place", tmp_path))
+    ran = notebooks.executed(notebooks.read("4_pick_and_place"), tmp_path)
+    text, _ = exporter.from_notebook_node(ran)
     file = tmp_path / "exported.html"
     file.write_text(text, "utf-8")
 

@@ -81,9 +81,6 @@ def test_an_object_names_the_geometry_and_material_that_it_is_drawn_with() -> No
     assert drawn["geometry"] == command["object"]["geometries"][0]["uuid"]
     assert drawn["material"] == command["object"]["materials"][0]["uuid"]
     assert "matrix" not in drawn
-
-
-def test_a_geometry_with_a_name_of_its_own_keeps_it() -> None:
     named = triangles(np.zeros((3, 3), np.int16), np.zeros((1, 3), np.uint16), uuid="cup")
     assert set_object("/a", named, glowing((0, 0, 0)))["object"]["object"]["geometry"] == "cup"
 

@@ -19,7 +19,6 @@ from sim.view.overlays import (
     ghost_commands,
     ghost_of,
     goal_commands,
-    nearest_command,
     varying_parts,
 )
 from sim.view.scenegraph import RobotTree
@@ -41,17 +40,15 @@ def matrix_of(command: dict[str, Any]) -> FloatArray:
     return np.array(command["object"]["object"]["matrix"]).reshape(4, 4).T
 
 
-def test_the_nearest_two_are_joined_by_a_cylinder_of_length_and_radius_one() -> None:
-    (geometry,) = nearest_command()["object"]["geometries"]
-    assert (geometry["height"], geometry["radiusTop"], geometry["radiusBottom"]) == (1, 1, 1)
-
-
-def test_frames_are_at_base_tips_and_joints_of_both_arms(robot: Baxter, tree: RobotTree) -> None:
+def test_frames_are_at_base_tips_and_joints_of_both_arms_and_share_their_triangles(
+    robot: Baxter, tree: RobotTree
+) -> None:
     paths = frame_paths(robot, tree)
     assert len(paths) == len(set(paths)) == 1 + 2 + 14
-    commands = list(frame_commands(robot, tree))
-    assert [c["path"] for c in commands if c["type"] == "set_object"] == paths
+    drawn = [c for c in frame_commands(robot, tree) if c["type"] == "set_object"]
+    assert [c["path"] for c in drawn] == paths
     assert "/robot/frame" in paths
+    assert {c["object"]["geometries"][0]["uuid"] for c in drawn} == {"axes"}
 
 
 def test_a_tips_frame_is_where_the_tip_is(robot: Baxter, tree: RobotTree) -> None:
@@ -65,11 +62,6 @@ def test_a_tips_frame_is_where_the_tip_is(robot: Baxter, tree: RobotTree) -> Non
     frame = model.frames[model.getFrameId(tip)]
     seen = data.oMi[frame.parentJoint].homogeneous @ np.array(placed["matrix"]).reshape(4, 4).T
     assert seen == pytest.approx(data.oMf[model.getFrameId(tip)].homogeneous)
-
-
-def test_frames_share_their_triangles(robot: Baxter, tree: RobotTree) -> None:
-    drawn = [c["object"] for c in frame_commands(robot, tree) if c["type"] == "set_object"]
-    assert {each["geometries"][0]["uuid"] for each in drawn} == {"axes"}
 
 
 def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
@@ -92,48 +84,31 @@ def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
         assert seen[:3] == pytest.approx(T.act(part.mesh.centre_m), abs=MESH_M)
 
 
-def test_goals_share_the_robots_triangles(
+def test_goals_share_the_robots_triangles_and_are_drawn_once_up_to_a_maximum(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
+    def drawn(recording: Recording) -> set[str]:
+        commands = goal_commands(recording, robot, appearance)
+        return {command["path"].split("/")[2] for command in commands}
+
     known = {f"mesh {part.mesh.name}" for part in appearance.parts}
     for command in goal_commands(executed, robot, appearance):
         assert command["object"]["geometries"][0]["uuid"] in known
-
-
-def test_the_same_goal_is_drawn_once(
-    executed: Recording, robot: Baxter, appearance: Appearance
-) -> None:
-    again = evolve(executed, moves=executed.moves * 3)
-    one, three = (
-        {c["path"].split("/")[2] for c in goal_commands(each, robot, appearance)}
-        for each in (executed, again)
-    )
-    assert len(three) == len(one) <= len(executed.moves)
-
-
-def test_there_are_not_more_goals_than_allowed(
-    executed: Recording, robot: Baxter, appearance: Appearance
-) -> None:
+    again = drawn(evolve(executed, moves=executed.moves * 3))
+    assert len(again) == len(drawn(executed)) <= len(executed.moves)
     (move, *_) = executed.moves
-    trajectory = move.trajectory
-    moves = [
-        evolve(move, trajectory=evolve(trajectory, q=trajectory.q + 0.01 * number))
+    moves = tuple(
+        evolve(move, trajectory=evolve(move.trajectory, q=move.trajectory.q + 0.01 * number))
         for number in range(MAX_GOALS + 5)
-    ]
-    many = evolve(executed, moves=tuple(moves))
-    drawn = {c["path"].split("/")[2] for c in goal_commands(many, robot, appearance)}
-    assert len(drawn) == MAX_GOALS
+    )
+    assert len(drawn(evolve(executed, moves=moves))) == MAX_GOALS
 
 
-def test_a_ghost_has_only_the_parts_that_can_differ(
+def test_a_ghost_has_only_what_can_differ(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
     parts = varying_parts(appearance, robot, executed, executed).parts
-    assert parts
     assert {part.joint.split("_")[0] for part in parts} == {"left", "l"}
-
-
-def test_a_ghost_has_only_the_bodies_that_do_not_just_stand_alike(executed: Recording) -> None:
     assert list(ghost_of(executed, executed).bodies) == ["block"]
     moved = {name: poses + 0.01 for name, poses in executed.body_poses.items()}
     other = evolve(executed, body_poses=moved)

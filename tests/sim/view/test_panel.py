@@ -27,63 +27,56 @@ def rows_of(arm: dict[str, Any], name: str) -> FloatArray:
     return np.asarray(arm[name], dtype=np.float64).reshape(-1, 7)
 
 
-def test_tells_of_the_moving_arms(executed: Recording, robot: Baxter) -> None:
+@pytest.fixture(scope="module")
+def arm(executed: Recording, robot: Baxter) -> dict[str, Any]:
+    """The only arm that moves."""
     assert moving_arms(executed) == ("left",)
-    assert list(recorded_arms(executed, robot)) == ["left"]
+    arms = recorded_arms(executed, robot)
+    assert list(arms) == ["left"]
+    return arms["left"]
 
 
-def test_tells_of_no_arm_where_none_moves(executed: Recording, robot: Baxter) -> None:
+def test_no_arm_has_curves_where_none_moves(executed: Recording, robot: Baxter) -> None:
     still = evolve(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
     assert recorded_arms(still, robot) == {}
 
 
-def test_rows_are_those_of_the_recording(executed: Recording, robot: Baxter) -> None:
-    arm = recorded_arms(executed, robot)["left"]
+def test_rows_are_those_of_the_recording_at_increasing_times(
+    arm: dict[str, Any], executed: Recording
+) -> None:
     times = np.asarray(arm["times"], dtype=np.float64)
+    assert times[[0, -1]] == pytest.approx([0.0, executed.duration_s], abs=SINGLE)
+    assert (np.diff(times) > 0.0).all()
     index = [executed.joint_names.index(name) for name in arm["joints"]]
     at = np.abs(executed.times_s[None] - executed.times_s[0] - times[:, None])
     shared = at.min(axis=1) < SINGLE
     assert shared.sum() > 20
-    wanted = executed.q[at.argmin(axis=1)][:, index]
-    off = np.abs(rows_of(arm, "q") - wanted)[shared]
+    off = np.abs(rows_of(arm, "q") - executed.q[at.argmin(axis=1)][:, index])[shared]
     assert off.max() <= POSITION_STEP / 2 + SINGLE
 
 
-def test_times_begin_at_zero_and_increase(executed: Recording, robot: Baxter) -> None:
-    times = np.asarray(recorded_arms(executed, robot)["left"]["times"])
-    assert times[0] == 0.0
-    assert times[-1] == pytest.approx(executed.duration_s, abs=SINGLE)
-    assert (np.diff(times) > 0.0).all()
-
-
-@pytest.mark.parametrize("name", ["v", "a"])
-def test_peaks_of_every_joint_are_kept(executed: Recording, robot: Baxter, name: str) -> None:
-    motion = executed.motion("left", with_knots=True)
-    arm = recorded_arms(executed, robot)["left"]
-    peaks, kept = np.abs(getattr(motion, name)).max(axis=0), np.abs(rows_of(arm, name)).max(axis=0)
-    assert np.abs(kept - peaks).max() <= 4 * POSITION_STEP + SINGLE
-
-
 @pytest.mark.parametrize("name", ["q", "v", "a"])
-def test_rows_left_out_lie_between_those_kept(
-    executed: Recording, robot: Baxter, name: str
+def test_peaks_are_kept_and_rows_left_out_lie_between_those_kept(
+    arm: dict[str, Any], executed: Recording, name: str
 ) -> None:
-    motion, arm = executed.motion("left", with_knots=True), recorded_arms(executed, robot)["left"]
+    motion = executed.motion("left", with_knots=True)
+    values, rows = getattr(motion, name), rows_of(arm, name)
+    if name != "q":
+        peaks, kept = np.abs(values).max(axis=0), np.abs(rows).max(axis=0)
+        assert np.abs(kept - peaks).max() <= 4 * POSITION_STEP + SINGLE
     scale = {"q": np.subtract(arm["q_max"], arm["q_min"]), "v": arm["v_max"], "a": arm["a_max"]}
     times = np.asarray(arm["times"], dtype=np.float64)
-    rows, at = rows_of(arm, name), motion.times_s - executed.times_s[0]
+    at = motion.times_s - executed.times_s[0]
     between = np.column_stack([np.interp(at, times, column) for column in rows.T])
-    off = np.abs(between - getattr(motion, name))[at <= executed.duration_s] / scale[name]
+    off = np.abs(between - values)[at <= executed.duration_s] / scale[name]
     assert off.max() <= ROW_TOLERANCE + 16 * POSITION_STEP
 
 
-def test_accelerations_are_within_the_limits_the_moves_were_planned_with(
-    executed: Recording, robot: Baxter
+def test_limits_are_those_that_the_moves_were_planned_with(
+    arm: dict[str, Any], executed: Recording
 ) -> None:
-    arm = recorded_arms(executed, robot)["left"]
     assert (np.abs(rows_of(arm, "a")) <= np.array(arm["a_max"]) + 8 * POSITION_STEP).all()
-    limits = executed.moves[0].trajectory.limits
-    assert arm["v_max"] == limits.v_max.tolist()
+    assert arm["v_max"] == executed.moves[0].trajectory.limits.v_max.tolist()
 
 
 def test_a_long_recording_has_no_more_rows_than_allowed(robot: Baxter, executed: Recording) -> None:
@@ -105,15 +98,14 @@ def waypoints_of(recording: Recording) -> list[dict[str, Any]]:
     return waypoints(recording.moves, *recording.times_s[[0, -1]].tolist())
 
 
-def test_there_is_one_waypoint_for_each_move(executed: Recording) -> None:
+def test_each_move_has_a_waypoint_with_what_inverse_kinematics_answered(
+    executed: Recording,
+) -> None:
     listed = waypoints_of(executed)
     assert [each["label"] for each in listed] == [move.label for move in executed.moves]
     ends = [min(move.end_s, float(executed.times_s[-1])) for move in executed.moves]
     assert [each["end"] for each in listed] == pytest.approx(ends)
-
-
-def test_they_say_what_inverse_kinematics_answered(executed: Recording) -> None:
-    for waypoint, move in zip(waypoints_of(executed), executed.moves, strict=True):
+    for waypoint, move in zip(listed, executed.moves, strict=True):
         if move.ik is None:
             assert waypoint["position_error_m"] is None
             assert waypoint["seed"] == ""

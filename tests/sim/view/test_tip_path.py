@@ -58,11 +58,11 @@ def hexed(rgb: tuple[float, float, float]) -> int:
 
 
 def test_a_pick_and_place_is_empty_laden_and_empty(pieces: list[PathPiece]) -> None:
-    assert [piece.is_holding for piece in pieces] == [False, True, False]
-
-
-def test_an_arm_at_rest_has_no_line(pieces: list[PathPiece]) -> None:
-    assert {piece.side for piece in pieces} == {"left"}
+    assert [(piece.side, piece.is_holding) for piece in pieces] == [
+        ("left", False),
+        ("left", True),
+        ("left", False),
+    ]
 
 
 def test_both_arms_have_lines_when_both_move(recording: Recording, robot: Baxter) -> None:
@@ -72,12 +72,9 @@ def test_both_arms_have_lines_when_both_move(recording: Recording, robot: Baxter
     assert [piece.side for piece in both] == ["left", "right"]
 
 
-def test_pieces_join(pieces: list[PathPiece]) -> None:
+def test_pieces_join_and_times_increase(pieces: list[PathPiece]) -> None:
     for piece, following in pairwise(pieces):
         assert np.array_equal(piece.points_base[-1], following.points_base[0])
-
-
-def test_times_increase(pieces: list[PathPiece]) -> None:
     assert all((np.diff(piece.times_s) > 0.0).all() for piece in pieces)
 
 
@@ -114,22 +111,14 @@ def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
     assert longest < 0.1
 
 
-def test_nothing_is_drawn_for_a_tip_at_rest() -> None:
-    tip_path = TipPath("left")
-    assert [tip_path.advance(np.zeros(3), is_holding=False) for _ in range(5)] == [[]] * 5
-
-
-def test_a_line_is_drawn_behind_a_tip_that_moves() -> None:
+def test_a_trail_is_drawn_behind_a_tip_that_moves_in_growing_pieces() -> None:
+    resting = TipPath("left")
+    assert [resting.advance(np.zeros(3), is_holding=False) for _ in range(5)] == [[]] * 5
     (line,) = walk(TipPath("left"), 2)
     assert line["path"].startswith("/path/left/")
-
-
-def test_a_growing_piece_takes_the_place_of_its_shorter_self() -> None:
-    assert len({line["path"] for line in walk(TipPath("left"), MAX_PIECE_POINTS)}) == 1
-
-
-def test_a_full_piece_is_followed_by_the_next() -> None:
-    assert len({line["path"] for line in walk(TipPath("left"), MAX_PIECE_POINTS + 1)}) == 2
+    for more, pieces in ((0, 1), (1, 2)):
+        lines = walk(TipPath("left"), MAX_PIECE_POINTS + more)
+        assert len({line["path"] for line in lines}) == pieces
 
 
 def test_the_colour_changes_with_the_grasp() -> None:

@@ -22,9 +22,6 @@ def test_no_slot_is_left_open() -> None:
     for template in ("replay.html", "atlas/atlas.html"):
         filled = page(template, title="Baxter", notice="", data="")
         assert "{{" not in filled.replace(inside_script(viewer_bundle()), "")
-
-
-def test_slots_of_inserted_files_are_filled_too() -> None:
     assert "<h1>Baxter &amp; &lt;friends&gt;</h1>" in live_page("Baxter & <friends>")
 
 

@@ -56,12 +56,9 @@ def snapshot(robot: Baxter, tick: int, bodies: dict[str, Any] | None = None) -> 
     return Snapshot(tick * TICK_S, q, bodies or {}, grippers, f"tick {tick}")
 
 
-def test_is_made_without_a_robot(robot: Baxter) -> None:
+def test_its_arguments_are_checked_and_the_robot_may_be_left_out(robot: Baxter) -> None:
     with Viewer() as viewer:
         np.testing.assert_array_equal(viewer.q, robot.configuration())
-
-
-def test_refuses_what_is_no_robot_and_no_bool(robot: Baxter) -> None:
     wrong: Any
     for wrong in ({"robot": "baxter"}, {"robot": robot, "keeps_time": 1}):
         with pytest.raises(ViewerError, match=next(reversed(wrong))):
@@ -79,26 +76,18 @@ def test_bodies_that_are_there_are_shown_when_a_simulation_begins(
     np.testing.assert_array_equal(viewer.q, world.q)
 
 
-def test_bodies_come_and_go(viewer: Viewer, page: Page, robot: Baxter) -> None:
+@pytest.mark.parametrize("by_others", [False, True])
+def test_bodies_come_and_go(viewer: Viewer, page: Page, robot: Baxter, by_others: bool) -> None:
+    """Also those that somebody else puts into the world, at the next tick."""
     world = World(robot)
     simulation = Simulation(world, [viewer])
-    simulation.spawn(make_block("red", at(0.7, 0.1, 0.0)))
+    changed = world if by_others else simulation
+    changed.spawn(make_block("red", at(0.7, 0.1, 0.0)))
+    simulation.wait(0.05)
     page.wait_until(lambda page: "/bodies/red/0" in page.drawn)
-    simulation.delete("red")
+    changed.delete("red")
+    simulation.wait(0.05)
     page.wait_until(lambda page: page.deleted.count("/bodies/red") == 2)  # before it came, too
-
-
-def test_bodies_put_into_the_world_by_others_are_shown_at_the_next_tick(
-    viewer: Viewer, page: Page, robot: Baxter
-) -> None:
-    world = World(robot)
-    simulation = Simulation(world, [viewer])
-    world.spawn(make_block("red", at(0.7, 0.1, 0.0)))
-    simulation.wait(0.05)
-    page.wait_until(lambda page: "/bodies/red/0" in page.drawn)
-    world.delete("red")
-    simulation.wait(0.05)
-    page.wait_until(lambda page: page.deleted.count("/bodies/red") == 2)
 
 
 def test_bodies_that_nobody_told_of_are_no_trouble(
@@ -157,16 +146,9 @@ def test_two_simulations_one_after_the_other(viewer: Viewer, page: Page, robot: 
 
 def test_time_that_starts_again_is_another_simulation(viewer: Viewer, robot: Baxter) -> None:
     for _ in range(2):
-        for tick in range(50):
+        for tick in (*range(50), 49):  # the same time twice is no trouble
             viewer.on_snapshot(snapshot(robot, tick))
-    recorded = viewer._run.recording()
-    assert len(recorded.times_s) == 50
-
-
-def test_the_same_time_twice_is_no_trouble(viewer: Viewer, robot: Baxter) -> None:
-    for _ in range(2):
-        viewer.on_snapshot(snapshot(robot, 3))
-    assert viewer.replay().html
+    assert len(viewer._run.recording().times_s) == 50
 
 
 def test_a_recording_told_again_is_shown(viewer: Viewer, page: Page, recording: Recording) -> None:
@@ -175,15 +157,12 @@ def test_a_recording_told_again_is_shown(viewer: Viewer, page: Page, recording: 
     assert set(viewer._run.recording().bodies) >= {"table"}
 
 
-def test_nothing_shown_is_nothing_to_replay(viewer: Viewer) -> None:
+def test_nothing_shown_or_another_robot_is_refused(viewer: Viewer) -> None:
     with pytest.raises(RecordingError, match="empty"):
         viewer.replay()
-
-
-def test_a_robot_with_other_joints_is_a_sentence(viewer: Viewer) -> None:
     grippers = {side: GripperState(100.0, False, False) for side in ("left", "right")}
     other = Snapshot(0.0, np.zeros(17), {}, grippers, "")
-    with pytest.raises(ViewerError, match=r"17 joints, the view shows one of 19; .*world.robot"):
+    with pytest.raises(ViewerError, match=r"17 joints.*19"):
         viewer.on_snapshot(other)
 
 
