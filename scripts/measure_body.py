@@ -7,7 +7,8 @@ each arm the planner's clearance is compared with distances of the original mesh
 kinematics and FCL (`referee`). The exit status is 1 when a mesh is nearer than the planner's
 clearance, when a clearance below 50 mm is smaller than that of the meshes by more than 2 mm, or
 when the planner reports a contact although the meshes, also of links rigidly attached, are 3 mm
-apart."""
+apart.
+"""
 
 from __future__ import annotations
 

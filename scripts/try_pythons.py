@@ -7,7 +7,8 @@ version other than the running one, the newest that starts is used. For each, `d
 demo` in a virtual environment of its own and installs there what the tests need; `test` runs the
 tests in that environment. The default is both. The exit status is 1 when a step fails. A Python for
 which a package has no wheel is reported with the reason; it is a failure only if this project
-claims to support it."""
+claims to support it.
+"""
 
 from __future__ import annotations
 
