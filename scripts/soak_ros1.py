@@ -1,15 +1,17 @@
 """An hour of the original demo's traffic against the simulated Baxter: its memory, its rates.
 
 Starts `python -m sim.ros1.robot` in a process of its own and does what the original demo does, in a
-client's text of our own: joint commands at 100 Hz that creep towards what the IK service answered,
-gripper commands, a second of rest after each. Prints a line a minute, and at the end by how much
-the robot's memory grew and how far its rate of joint states drifted from 100 Hz.
+client of our own: joint commands at 100 Hz that creep towards what the IK service answered, gripper
+commands, a second of rest after each. Prints a line a minute, and at the end by how much the
+robot's memory grew and how far its rate of joint states drifted from 100 Hz. The exit status is 1
+if the memory grew by more than `MAX_GROWTH_MB` or the arm made no move.
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import sys
 import time
 from pathlib import Path
 from threading import Thread
@@ -30,9 +32,12 @@ HOVER_M, NEAR_RAD, TIMEOUT_S, DWELL_S, PERIOD_S = 0.15, 0.0087, 15.0, 1.0, 0.01
 CREEP = 0.0125
 """Of the way from the last command to the goal, at every command."""
 
+MAX_GROWTH_MB = 15.0
+"""From the fifth minute on; it was 1.3 MB in an hour."""
+
 
 class Watch:
-    """What arrives of the robot's joint states."""
+    """The joint states that the robot publishes."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
@@ -128,8 +133,8 @@ def memory_mb(process: int) -> float:
     return int(line.split()[1]) / 1024.0
 
 
-def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> None:
-    """Run the demo and tell a line a minute."""
+def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> bool:
+    """Run the demo and print a line a minute; returns whether memory and moves are as expected."""
     until_s = time.monotonic() + 60.0 * minutes
     traffic = Thread(target=demo.cycles, args=(until_s,), daemon=True)
     traffic.start()
@@ -146,10 +151,11 @@ def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> None:
     first, last = memories[min(4, len(memories) - 1)], memories[-1]
     print(f"memory: {first:.1f} MB after 5 minutes, {last:.1f} at the end")
     print(f"rate: {min(rates):.3f} .. {max(rates):.3f} Hz, at the end {rates[-1]:.3f}")
+    return last - first <= MAX_GROWTH_MB and demo.moves > 0
 
 
-def main() -> None:
-    """Run it."""
+def main() -> int:
+    """Start a simulated Baxter and the traffic."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--minutes", type=int, default=60)
     minutes = parser.parse_args().minutes
@@ -158,8 +164,8 @@ def main() -> None:
         node.subscribe("/robot/joint_states", "sensor_msgs/JointState", watch.heard)
         demo = Demo(node, watch)
         time.sleep(2.0)
-        watched(demo, watch, robot, minutes)
+        return 0 if watched(demo, watch, robot, minutes) else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -5,17 +5,18 @@ from planner.atlas.building import BlockReport, build_reach_map
 from planner.atlas.cell import Cell
 from planner.atlas.contents import ArmContents, count_contents
 from planner.atlas.positions import PositionGrid
-from planner.atlas.questions.arm_choice import ArmChoice, which_arm
-from planner.atlas.questions.calibrated.carrying_over import CalibratedCells, for_calibrated
-from planner.atlas.questions.calibrated.deviation import TipDeviation
-from planner.atlas.questions.nearest.measure import Keep
-from planner.atlas.questions.nearest.search import NearestPose, nearest_reachable
-from planner.atlas.questions.placing.grid import PlacementGrid
-from planner.atlas.questions.placing.placement import Placement, Placements, PlacementStatus
-from planner.atlas.questions.placing.search import where
-from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
-from planner.atlas.questions.placing.task_file import load_task
-from planner.atlas.questions.pose_answer import PoseAnswer
+from planner.atlas.questions.arm_choice import ArmChoice, PoseAnswer, which_arm
+from planner.atlas.questions.calibrated import CalibratedCells, TipDeviation, for_calibrated
+from planner.atlas.questions.nearest import Keep, NearestPose, nearest_reachable
+from planner.atlas.questions.placement import (
+    Placement,
+    PlacementGrid,
+    Placements,
+    PlacementStatus,
+)
+from planner.atlas.questions.placing import where
+from planner.atlas.questions.table_task import TableTask, TableTransfer, Visit
+from planner.atlas.questions.task_file import load_task
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.rotations import RotationGrid
 

@@ -21,11 +21,10 @@ from baxter_kin.frames import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.kinematics.arm import LIMBS
 from planner.atlas.commands.console import asked_for, say, write_report
 from planner.atlas.questions.arm_choice import which_arm
-from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep, PoseMeasure
-from planner.atlas.questions.nearest.search import nearest_reachable
-from planner.atlas.questions.placing.placement import Placement, PlacementStatus
-from planner.atlas.questions.placing.search import MOST_PLACEMENTS, where
-from planner.atlas.questions.placing.task_file import load_task
+from planner.atlas.questions.nearest import M_PER_RAD, Keep, PoseMeasure, nearest_reachable
+from planner.atlas.questions.placement import Placement, PlacementStatus
+from planner.atlas.questions.placing import MAX_PLACEMENTS, where
+from planner.atlas.questions.task_file import load_task
 from planner.atlas.reach_map import ReachMap
 from planner.manipulator import Manipulator
 
@@ -195,21 +194,21 @@ class WhereQuestion(_Question):
     tasks: str = option("--tasks", metavar="FILE", required=True, help="the task, in JSON")
     wanted: int = option(
         "--wanted",
-        type=whole_number(1, MOST_PLACEMENTS),
+        type=whole_number(1, MAX_PLACEMENTS),
         default=3,
         metavar="N",
         help="confirmed places that are enough",
     )
     max_examined: int = option(
         "--looked-at",
-        type=whole_number(1, MOST_PLACEMENTS),
+        type=whole_number(1, MAX_PLACEMENTS),
         default=24,
         metavar="N",
         help="candidates of the map that are examined exactly, at most",
     )
     max_planned: int = option(
         "--planned",
-        type=whole_number(1, MOST_PLACEMENTS),
+        type=whole_number(1, MAX_PLACEMENTS),
         default=8,
         metavar="N",
         help="of those, places that are planned at most",
@@ -224,8 +223,8 @@ class WhereQuestion(_Question):
             task,
             grid,
             wanted=self.wanted,
-            most_looked_at=self.max_examined,
-            most_planned=self.max_planned,
+            max_examined=self.max_examined,
+            max_planned=self.max_planned,
         )
         kinds = {
             "confirmed": found.confirmed,

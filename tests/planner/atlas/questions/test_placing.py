@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Baxter
+from baxter_kin import Baxter, BaxterError
 from planner import verify
 from planner.atlas import (
     PlacementGrid,
@@ -29,22 +29,22 @@ GRID = PlacementGrid.within((0.5, 1.7), (-0.6, 0.6), step_m=0.3, yaw_rad=(0.0, m
 @pytest.fixture(scope="module")
 def found(table_map: ReachMap, task: TableTask) -> Placements:
     """One confirmed place of many that were tried."""
-    return where(table_map, task, GRID, wanted=1, most_looked_at=6, most_planned=2)
+    return where(table_map, task, GRID, wanted=1, max_examined=6, max_planned=2)
 
 
 def test_every_placement_is_counted_once(found: Placements) -> None:
     assert len(found) == len(GRID) == len(found.T_base_tables)
-    told = Counter(found.statuses)
-    assert told[PlacementStatus.CONFIRMED] == len(found.confirmed) == 1
-    assert told[PlacementStatus.REFUSED] == len(found.refused)
-    assert told[PlacementStatus.REACHABLE] == len(found.not_planned)
-    assert told[PlacementStatus.IMPOSSIBLE] > 10
-    assert f"{told[PlacementStatus.IMPOSSIBLE]} proven out of reach" in found.summary
+    counts = Counter(found.statuses)
+    assert counts[PlacementStatus.CONFIRMED] == len(found.confirmed) == 1
+    assert counts[PlacementStatus.REFUSED] == len(found.refused)
+    assert counts[PlacementStatus.REACHABLE] == len(found.not_planned)
+    assert counts[PlacementStatus.IMPOSSIBLE] > 10
+    assert f"{counts[PlacementStatus.IMPOSSIBLE]} proven out of reach" in found.summary
     for place in (*found.confirmed, *found.not_planned):
         assert np.array_equal(place.T_base_table.homogeneous, found.T_base_tables[place.index])
 
 
-def test_what_is_confirmed_has_plans_that_verify(found: Placements, robot: Baxter) -> None:
+def test_confirmed_placements_have_plans_that_verify(found: Placements, robot: Baxter) -> None:
     (place,) = found.confirmed
     (plan,) = place.plans
     assert place.is_confirmed
@@ -81,7 +81,7 @@ def test_an_independent_solver_does_no_job_that_is_proven_impossible(
             assert any(finder.find(T) is None for T in poses)
 
 
-def test_ranked_by_the_worst_margin(found: Placements) -> None:
+def test_placements_are_ranked_by_their_smallest_margin(found: Placements) -> None:
     margins = [place.margin_rad for place in (*found.confirmed, *found.not_planned)]
     assert margins == sorted(margins, reverse=True)
     worst = found.confirmed[0].worst
@@ -106,20 +106,18 @@ def test_a_table_in_the_robot_is_refused_before_it_is_planned(
     assert place.refusal.endswith(" while the arms rest")
 
 
-def test_places_in_the_robot_do_not_count_as_looked_at(
-    table_map: ReachMap, task: TableTask
-) -> None:
-    """Of a row of tables that begins in the robot, one is asked exactly."""
+def test_places_in_the_robot_do_not_count_as_examined(table_map: ReachMap, task: TableTask) -> None:
+    """Of a row of tables that begins in the robot, one is examined."""
     tip = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([0.3, 0.1, 0.9]))
     visits = TableTask(visits=(Visit("look", tip),), bodies=task.bodies[:1])
     grid = PlacementGrid.within((0.3, 0.9), (0.0, 0.0), step_m=0.05)
-    answer = where(table_map, visits, grid, wanted=1, most_looked_at=1)
-    asked = [p for p in (*answer.confirmed, *answer.refused, *answer.not_planned) if p.answers]
-    assert len(asked) == 1
+    answer = where(table_map, visits, grid, wanted=1, max_examined=1)
+    examined = [p for p in (*answer.confirmed, *answer.refused, *answer.not_planned) if p.answers]
+    assert len(examined) == 1
     assert any(not place.answers for place in answer.refused)
 
 
-def test_a_visit_is_confirmed_by_a_way_there(table_map: ReachMap, robot: Baxter) -> None:
+def test_a_visit_is_confirmed_by_a_motion_to_its_pose(table_map: ReachMap, robot: Baxter) -> None:
     tip = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 0.9]))
     answer = where(
         table_map, TableTask(visits=(Visit("look", tip),)), PlacementGrid((1.0,), (0.0,))
@@ -139,14 +137,23 @@ def test_each_job_goes_to_the_arm_that_does_it_best(table_map: ReachMap) -> None
     assert answer.confirmed[0].arms == ("left", "right")
 
 
-def test_what_the_map_does_not_cover_is_told(table_map: ReachMap) -> None:
-    above = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 1.6]))
-    with pytest.raises(AtlasError, match="covers the task at none of the 1 placements"):
-        where(table_map, TableTask(visits=(Visit("up", above),)), PlacementGrid((1.0,), (0.0,)))
+ABOVE_THE_MAP = TableTask(
+    visits=(Visit("up", pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 1.6]))),)
+)
 
 
-def test_arguments_of_other_kinds_are_refused(table_map: ReachMap, task: TableTask) -> None:
-    with pytest.raises(TaskError, match="task must be"):
-        where(table_map, None)  # type: ignore[arg-type]
-    with pytest.raises(AtlasError, match="wanted must be a whole number from 1"):
-        where(table_map, task, wanted=0)
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ({"task": None}, TaskError),
+        ({"grid": 3}, AtlasError),
+        ({"wanted": 0}, AtlasError),
+        ({"max_planned": 1.5}, AtlasError),
+        ({"task": ABOVE_THE_MAP, "grid": PlacementGrid((1.0,), (0.0,))}, AtlasError),
+    ],
+)
+def test_invalid_arguments_and_tasks_outside_the_map_are_refused(
+    table_map: ReachMap, task: TableTask, arguments: dict[str, object], error: type[BaxterError]
+) -> None:
+    with pytest.raises(error):
+        where(**({"atlas": table_map, "task": task} | arguments))  # type: ignore[arg-type]

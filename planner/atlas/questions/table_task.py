@@ -1,7 +1,7 @@
-"""What shall be done at a table that has no place yet: poses and bodies as seen from the table.
+"""TableTask: what shall be done at a table, with all poses as seen from the table.
 
-Any other frame will do in the table's place, as long as its z axis points up. Each job is done by
-one arm; several jobs may be done by either.
+Instead of the table any frame will do whose z axis points up. Each job is done by one arm; several
+jobs may be done by either.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from planner.scene.bodies import Body, Scene
 
 @frozen(error=TaskError)
 class TableTransfer:
-    """A body is picked and placed.
+    """One pick and one place of a body.
 
     Attributes:
         body: its name.
-        T_table_pick: tip pose when the fingers close, seen from the table.
-        T_table_place: tip pose when they open again.
+        T_table_pick: pose of the tip when the fingers close, seen from the table.
+        T_table_place: pose of the tip when they open again.
         hover_m: as of `PickAndPlace`.
         clear_m: as of `PickAndPlace`.
 
     Raises:
         TaskError: as `PickAndPlace`.
-        PoseError: when a pose is not a valid one.
+        PoseError: when a pose is invalid.
     """
 
     body: str
@@ -44,7 +44,7 @@ class TableTransfer:
     clear_m: float = DEFAULT_CLEAR_M
 
     def __attrs_post_init__(self) -> None:
-        self.seen_from_base(pin.SE3.Identity())  # the checks of a task
+        self.seen_from_base(pin.SE3.Identity())  # the checks of `PickAndPlace`
 
     @classmethod
     def from_above(
@@ -57,13 +57,13 @@ class TableTransfer:
         hover_m: float = DEFAULT_HOVER_M,
         clear_m: float = DEFAULT_CLEAR_M,
     ) -> TableTransfer:
-        """A body is grasped where it is, and goes to another pose.
+        """Grasp a body where it is and place it at another pose.
 
         Args:
-            hand: the hand; either arm's.
-            body: what is carried; its pose is seen from the table.
+            hand: the hand, of either arm.
+            body: the body to carry; its pose is seen from the table.
             T_table_to: its pose afterwards, seen from the table.
-            T_table_pick: the tip at the grasp; as `overhead_grasp` has it when not given.
+            T_table_pick: the tip at the grasp; by `overhead_grasp` if not given.
             hover_m: as of the class.
             clear_m: as of the class.
 
@@ -77,11 +77,9 @@ class TableTransfer:
         return cls(body.name, pick, place, hover_m, clear_m)
 
     def seen_from_base(self, T_base_table: pin.SE3) -> PickAndPlace:
-        """The same as the planner takes it, for one place of the table."""
-        pick, place = checked_pose(self.T_table_pick), checked_pose(self.T_table_place)
-        return PickAndPlace(
-            self.body, T_base_table * pick, T_base_table * place, self.hover_m, self.clear_m
-        )
+        """The task for one place of the table."""
+        pick, place = T_base_table * self.T_table_pick, T_base_table * self.T_table_place
+        return PickAndPlace(self.body, pick, place, self.hover_m, self.clear_m)
 
     def _facts(self) -> tuple[str, ...]:
         way = f"from {position(self.T_table_pick)} to {position(self.T_table_place)}"
@@ -90,15 +88,15 @@ class TableTransfer:
 
 @frozen(error=TaskError)
 class Visit:
-    """The tip shall get to a pose, as to look at something or to press a button.
+    """A pose for the tip to reach, such as to look at something or to press a button.
 
     Attributes:
-        name: what it is called.
+        name: of the visit.
         T_table_tip: the pose, seen from the table.
 
     Raises:
-        TaskError: when the name is no text.
-        PoseError: when the pose is not a valid one.
+        TaskError: when the name is not a text.
+        PoseError: when the pose is invalid.
     """
 
     name: str
@@ -113,7 +111,7 @@ class Job(NamedTuple):
 
     Attributes:
         of: the transfer or visit.
-        poses: of the tip, seen from the table, with what each is called.
+        poses: of the tip, seen from the table, each with its name.
     """
 
     of: TableTransfer | Visit
@@ -122,19 +120,19 @@ class Job(NamedTuple):
 
 @frozen(error=TaskError)
 class TableTask:
-    """All that shall be done at the table.
+    """Everything that shall be done at the table.
 
     Attributes:
         transfers: in this order.
         visits: after them.
-        bodies: what moves with the table, and the table itself; their poses are seen from the table
-            instead of from base.
+        bodies: the table and what moves with it; their poses are seen from the table instead of
+            from base.
         standing: bodies that stay where they are, seen from base.
 
     Raises:
-        TaskError: when there is nothing to do, a body is carried that is not there or not movable,
-            or a value has the wrong type.
-        SceneError: when two bodies share a name.
+        TaskError: when there is nothing to do, a body to carry is not movable, or a value has the
+            wrong type.
+        SceneError: when a body to carry is missing, or two bodies share a name.
     """
 
     transfers: tuple[TableTransfer, ...] = sequence(default=())
@@ -152,19 +150,20 @@ class TableTask:
 
     @property
     def jobs(self) -> tuple[Job, ...]:
-        """What one arm each has to reach: for a transfer all poses that the tip passes or stops at.
+        """The poses that one arm has to reach for each transfer, then for each visit.
 
-        Those above are straight above in base, because the table's z axis points up.
+        Those of a transfer are all at which the tip stops or changes its direction. "Above" is the
+        same seen from the table and from base, because the table's z axis points up.
         """
         jobs = []
         for transfer in self.transfers:
-            seen = transfer.seen_from_base(pin.SE3.Identity())
+            task = transfer.seen_from_base(pin.SE3.Identity())
             poses = (
-                ("pick", seen.T_base_pick),
-                ("above the pick", seen.T_base_above_pick),
-                ("place", seen.T_base_place),
-                ("above the place", seen.T_base_above_place),
-                ("end", seen.T_base_end),
+                ("pick", task.T_base_pick),
+                ("above the pick", task.T_base_above_pick),
+                ("place", task.T_base_place),
+                ("above the place", task.T_base_above_place),
+                ("end", task.T_base_end),
             )
             named = tuple((f"{transfer.body}: {name}", T) for name, T in poses)
             jobs.append(Job(transfer, named))
