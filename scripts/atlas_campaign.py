@@ -1,25 +1,25 @@
-"""Build maps of what Baxter can reach as users do: kill the builds, or measure them.
+"""Build maps of what Baxter can reach: kill the builds at random, or measure them.
 
     python scripts/atlas_campaign.py [kills] [--kills N] [--job-kills N] [--step-m M]
     python scripts/atlas_campaign.py memory [--seconds 60] [--cells 2000]
     python scripts/atlas_campaign.py efficiency [--repeats 3]
 
-All is done by the commands of `python -m planner.atlas`.
+All modes run the commands of `python -m planner.atlas`.
 
 `kills`: a reach map of 10 cm x 72 rotations, both arms, is built by one process, by two, and by a
 cluster of two workers; then while workers are killed (SIGKILL, at random times, half of them of
-each engine), and while the whole job is killed, client and workers, and begun again. Every file of
-every map has to have the bytes of the first. The same is done with a redundancy map of one plane of
-it, the tool pointing down. Ends with status 1 when a file differs, or when a build fails.
+each engine), and while the whole job is killed, client and workers, and begun again. All
+maps must be identical to the first, byte for byte. The same is done with a redundancy map of one
+plane of it, the tool pointing down. The exit status is 1 when a file differs or a build fails.
 
 `memory`: the peak of the resident memory of the client and of its workers (`VmHWM`, Linux): a whole
 map of 10 cm and 72 rotations (build, info, verify); part of one of 2.5 cm and 576 rotations, where
-most of it is reachable, as far as a build gets in the time that is given; one position with 294,912
-rotations, the most that a Hopf grid has here; the cost of grids of 10^10 and 10^12 cells, which are
-told and not built, and of 2.5 cm x 576 rotations x both arms, by a random sample within the time
-given. Ends with status 1 when a peak is above 500 MB, a command fails, or too much is undecided.
+most of it is reachable, as far as a build gets in the given time; one position with 294,912
+rotations, the most that a Hopf grid has here; the estimated cost of grids of 10^10 and 10^12 cells,
+and of 2.5 cm x 576 rotations x both arms, by a random sample within the given time. The exit status
+is 1 when a peak exceeds 500 MB, a command fails, or too much is undecided.
 
-`efficiency`: how much of a second core is put to use, on the same reach map.
+`efficiency`: parallel efficiency of two workers, on the same reach map.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ import psutil
 
 MAX_MB, MAX_UNDECIDED, POLL_S = 500.0, 0.002, 0.1
 LONGEST_WAIT_S = 4.0
-"""Between kills, at most."""
+"""Maximum time between kills."""
 
 SHOWN = 10
-"""Names of files that differ."""
+"""Maximum number of differing files that are printed."""
 
 KINDS = REACH, REDUNDANCY = "reach", "redundancy"
 ENGINES = {"pool": "--jobs=2", "cluster": "--local-cluster=2"}
@@ -57,7 +57,7 @@ PLANE = ["--z", "0.1", "--tool-axis", "0", "0", "-1", "--measure-s=0.1"]
 
 
 class Build:
-    """A command that runs."""
+    """A running command of `planner.atlas`."""
 
     def __init__(self, words: Sequence[str]) -> None:
         self.words, self._said = words, tempfile.TemporaryFile()  # noqa: SIM115 - as long as it runs
@@ -70,21 +70,21 @@ class Build:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether it is running."""
         return self.process.poll() is None
 
     def below(self) -> list[psutil.Process]:
-        """All processes below it."""
+        """All its descendants."""
         with suppress(psutil.NoSuchProcess):
             return psutil.Process(self.process.pid).children(recursive=True)
         return []
 
     def workers(self) -> list[psutil.Process]:
-        """Those that multiprocessing has begun to compute, and not its resource tracker."""
+        """Its worker processes, without the resource tracker of multiprocessing."""
         return [each for each in self.below() if "spawn_main" in _words_of(each)]
 
     def kill(self) -> int:
-        """End it and all below it at once; gives how many processes that were."""
+        """Kill it and all its descendants; returns the number of processes."""
         everyone = [*self.below(), psutil.Process(self.process.pid)]
         for each in reversed(everyone):
             with suppress(psutil.NoSuchProcess):
@@ -93,18 +93,18 @@ class Build:
         return len(everyone)
 
     def said(self) -> str:
-        """What it has printed, after its end."""
+        """Wait for its end and return its output."""
         self.process.wait()
         self._said.seek(0)
         return self._said.read().decode()
 
     def finished(self) -> None:
-        """Wait for its end; an error when it has failed."""
+        """Wait for its end; exits when it has failed."""
         if self.process.wait() != 0:
             raise SystemExit(f"{' '.join(self.words)} has failed:\n{self.said()[-3000:]}")
 
     def peaks_mb(self, stop_s: float | None = None) -> tuple[float, float]:
-        """The most memory of it and of any process below, until it ends; stopped as by Ctrl-C."""
+        """Peak memory of it and of any descendant until it ends, or is interrupted as by Ctrl-C."""
         began_s, client_mb, worker_mb = time.monotonic(), 0.0, 0.0
         while self.is_running:
             client_mb = max(client_mb, peak_mb(self.process.pid))
@@ -123,7 +123,7 @@ def _words_of(process: psutil.Process) -> str:
 
 
 def peak_mb(pid: int) -> float:
-    """The most memory that a process has had; nothing when it is gone."""
+    """Peak resident memory of a process; 0 when it has ended."""
     with suppress(FileNotFoundError, ProcessLookupError):
         found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text("utf-8"))
         return 0.0 if found is None else int(found[1]) / 1000.0
@@ -131,7 +131,7 @@ def peak_mb(pid: int) -> float:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Kill or measure; the exit status."""
+    """Kill or measure; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("what", nargs="?", choices=CAMPAIGNS, default="kills")
     parser.add_argument(
@@ -154,7 +154,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def kills(folder: Path, options: argparse.Namespace) -> bool:
-    """Build, kill, compare; whether all maps are the same."""
+    """Build maps with kills and compare them; whether all are identical."""
     began_s, wrong = time.monotonic(), 0
     chance = random.Random(options.seed)
     reach = folder / "reach.zarr"
@@ -187,7 +187,7 @@ def kills(folder: Path, options: argparse.Namespace) -> bool:
 def _killed(
     first: Path, words: Sequence[str], options: argparse.Namespace, chance: random.Random
 ) -> Iterator[tuple[Path, str]]:
-    """Maps as they are finished, and how."""
+    """Finished maps, each with a description of its build."""
     path = first.with_name(f"again_{first.name}")
     for name, engine in ENGINES.items():
         command = [*words, str(path), engine]
@@ -230,7 +230,7 @@ def digests(path: Path) -> dict[str, str]:
 
 
 def differences(found: Mapping[str, str], wanted: Mapping[str, str]) -> list[str]:
-    """Files that one map has and the other has not, or has with other bytes."""
+    """Names of files that are missing in one map or have different bytes."""
     return sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
 
 
@@ -238,7 +238,7 @@ def differences(found: Mapping[str, str], wanted: Mapping[str, str]) -> list[str
 
 
 def memory(folder: Path, options: argparse.Namespace) -> bool:
-    """Print the peaks of each command; whether all are right."""
+    """Print the peaks of each command; whether all are within the bounds."""
     jobs, report = f"--jobs={options.jobs}", folder / "report.json"
     map_, fine, json_ = str(folder / "coarse.zarr"), str(folder / "fine.zarr"), f"--json={report}"
     is_right = told(
@@ -280,7 +280,7 @@ def told(
     status: int = 0,
     shows: bool = False,
 ) -> bool:
-    """Run a command, print its peaks, and say whether they are within the bound."""
+    """Run a command and print its peaks; whether it succeeds within the bound."""
     build = Build(words)
     client_mb, worker_mb = build.peaks_mb(stop_s)
     print(f"{title}: client {client_mb:.0f} MB, workers {worker_mb:.0f} MB", flush=True)
@@ -294,7 +294,7 @@ def told(
 
 
 def efficiency(folder: Path, options: argparse.Namespace) -> bool:
-    """Build with one worker and with two, in turn, and print what two workers spend more."""
+    """Build alternately with one worker and with two, and print the efficiency."""
     for name, two in ENGINES.items():
         spent: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
         for _ in range(options.repeats):

@@ -1,36 +1,34 @@
-"""Check inverse kinematics by random poses: those in reach, out of it, and all solutions of one.
+"""Check inverse kinematics with random poses in reach, out of reach, and on calibrated robots.
 
     python scripts/check_ik.py [poses] [--count 200000] [--seed 0] [--limb left|right] [--urdf FILE]
     python scripts/check_ik.py reach [--count 1000] [--grid 0.025]
     python scripts/check_ik.py solutions [--count 500] [--restarts 2000]
     python scripts/check_ik.py calibrations [--count 2000] [--robots 100]
 
-`poses`: poses that are known to be reachable are solved without a seed. They are made from
-configurations, the hard ones above all: uniform ones, 1 to 7 joints at limits, all 128 corners of
-the joint ranges and what is close to them, right angles, singular ones, nearly singular ones, and
-the last two with up to four joints at limits. Wrong is a pose that is left unsolved, is proven out
-of reach, or has a solution that is off by more than 1e-6 m or rad, by Pinocchio on the whole
-robot's URDF, or is outside the limits.
+`poses`: solves reachable poses without a seed. The poses come from configurations, mostly hard
+ones: uniform, 1 to 7 joints at limits, all 128 corners of the joint ranges and their neighbourhood,
+right angles, singular, nearly singular, and the last two with up to four joints at limits. It is an
+error if a pose remains unsolved, is "proven" out of reach, or has a solution that is off by more
+than 1e-6 m or rad (by Pinocchio on the whole robot's URDF) or outside the limits.
 
-`reach`: from a random reachable pose the tip is moved in a random direction, its orientation kept,
-until no search from 256 random seeds succeeds any more; the pose asked for lies 1e-6 to 0.06 m
-beyond, evenly spread over the logarithm. Wrong is when more than one in a hundred is neither solved
-nor proven out of reach nor told a reachable position within 1 mm, or when a proof contradicts what
-was found. With `--grid`, nothing of that: poses with the gripper pointing down, so many metres
-apart in a box that holds the arm's reach, are asked for in one batch, and then those without a
-solution once more; it prints how long one of them takes.
+`reach`: from a random reachable pose the tip moves in a random direction with constant orientation
+until no search from 256 random seeds succeeds any more; the requested pose lies 1e-6 to 0.06 m
+beyond, uniform in the logarithm. It is an error if for more than 1 % of the poses there is no
+solution, no proof that they are out of reach and no reachable position within 1 mm, or if a proof
+contradicts a solution. With `--grid`, it instead measures the time for a pose out of reach, on a
+grid of that spacing (m) around the arm, the gripper pointing down.
 
-`solutions`: each pose is solved from so many random seeds, one by one, by the searches of the IK
-service. What `solutions` returns must hold every solution found this way that lies on a piece
-longer than 0.05 rad; one counts as held within 1e-3 rad of a piece. `solve(objective=...)` must not
-be worse by 1e-3 than any of them, nor than points 0.005 rad apart on all pieces, for each kind of
-objective. No curve may miss its pose or leave the limits.
+`solutions`: each pose is also solved from many random seeds by the searches of the IK service. The
+result of `solutions` must contain (within 1e-3 rad) every solution found this way that lies on a
+piece longer than 0.05 rad. `solve(objective=...)` must not be worse by 1e-3 than any of these
+solutions, nor than points 0.005 rad apart on all pieces, for each kind of objective. No curve may
+miss its pose or leave the limits.
 
-`calibrations`: reachable poses with robots as a factory might calibrate them, in turns with those
-of the stock robot. Each robot's URDF is made by `served_urdf.py`: origins and axes of all joints
-are off by up to 5 mm and 10 mrad. Wrong is what is wrong of `poses`.
+`calibrations`: solves reachable poses with randomly calibrated robots, alternating with the stock
+robot. Each robot's URDF is made by `served_urdf.py`: origins and axes of all joints are off by up
+to 5 mm and 10 mrad. Errors are those of `poses`.
 
-The exit status is 1 when something is wrong.
+The exit status is 1 when there is an error.
 """
 
 from __future__ import annotations
@@ -76,17 +74,17 @@ ROUNDS, RESTARTS = 8, 256
 NEAR_ENOUGH_M, MAX_MISSED = 1e-3, 0.01
 
 AT_LIMITS = 0.3
-"""Share of the poses whose solutions are compared that have joints at limits."""
+"""Share of the poses of `solutions` with joints at limits."""
 
 MIN_LENGTH_RAD, HELD_RAD = 0.05, 1e-3
 WORSE, DENSE_RAD = 1e-3, 0.005
 RESIDUAL = 1e-10
-"""Of a point of a curve, m and rad together: where several joints reach limits at once, up to
-rounding, all are put on them."""
+"""Maximum error of a point of a curve, norm of m and rad. (Where several joints reach limits at
+once, up to rounding, all are set to them.)"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print what came of the poses; 1 when something is wrong."""
+    """Run one check for each arm; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("check", nargs="?", choices=CHECKS, default="poses")
     parser.add_argument("--count", type=int, help="poses per arm (default: see above)")
@@ -99,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = parser.parse_args(argv)
     robot = Baxter.load(given.urdf)
     check, given.count = CHECKS[given.check][0], given.count or CHECKS[given.check][1]
-    # one seed for each arm, or its poses would be those of the other one mirrored
+    # with equal seeds the poses of one arm would mirror those of the other
     services = {side: IKService(robot.arm(side)) for side in given.limb or ("left", "right")}
     is_right = [
         check(robot, ik, given, np.random.default_rng([given.seed, side == "right"]))
@@ -114,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def poses(
     robot: Baxter, ik: IKService, given: argparse.Namespace, rng: np.random.Generator
 ) -> bool:
-    """Solve poses of each family and print a row of each; whether all are solved rightly."""
+    """Solve poses of each family and print a row for each; whether all are solved correctly."""
     print("| arm | poses | count | unsolved | false proofs | wrong | worst m | worst rad | us |")
     print("|---|---|---:|---:|---:|---:|---:|---:|---:|")
     is_right = True
@@ -164,7 +162,7 @@ def residuals(robot: Baxter, arm: Arm, T: pin.SE3, result: IKResult) -> FloatArr
 def configurations(
     arm: Arm, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[str, FloatArray]]:
-    """The families, each with known configurations of shape (n, 7), rad."""
+    """Names of the families and their configurations, shape (n, 7), rad."""
     tenth, many = round(0.1 * count), round(0.35 * count)
     yield "uniform", uniform(arm, tenth, rng)
     yield "joints at limits", at_limits(arm, uniform(arm, many, rng), rng)
@@ -179,12 +177,12 @@ def configurations(
 
 
 def uniform(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
-    """Between the limits."""
+    """Configurations between the limits, shape (n, 7), rad."""
     return rng.uniform(arm.limits.q_min, arm.limits.q_max, (count, 7))
 
 
 def at_limits(arm: Arm, q: FloatArray, rng: np.random.Generator, most: int = 7) -> FloatArray:
-    """The same with one to `most` joints at a limit, either one."""
+    """The configurations with one to `most` joints set to a limit."""
     ends = np.where(rng.random(q.shape) < 0.5, arm.limits.q_min, arm.limits.q_max)
     rank = rng.random(q.shape).argsort(axis=1)
     moved: FloatArray = np.where(rank < rng.integers(1, most + 1, (len(q), 1)), ends, q)
@@ -192,7 +190,7 @@ def at_limits(arm: Arm, q: FloatArray, rng: np.random.Generator, most: int = 7) 
 
 
 def corners(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
-    """All 128, and configurations close to them on the inside."""
+    """All 128 corners, and configurations close to them on the inside."""
     exact = np.array(list(product(*zip(arm.limits.q_min, arm.limits.q_max, strict=True))))
     chosen = exact[rng.integers(len(exact), size=max(count - len(exact), 0))]
     inwards = np.where(chosen == arm.limits.q_min, 1.0, -1.0)
@@ -201,7 +199,7 @@ def corners(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
 
 
 def right_angles(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
-    """Most joints at multiples of a quarter turn, the others anywhere."""
+    """Configurations with most joints at multiples of a quarter turn."""
     q = uniform(arm, count, rng)
     angles = 0.5 * np.pi * rng.integers(-2, 3, q.shape)
     is_inside = (angles >= arm.limits.q_min) & (angles <= arm.limits.q_max)
@@ -212,7 +210,7 @@ def right_angles(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
 def singular(
     arm: Arm, count: int, rng: np.random.Generator, most_at_limits: int
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Configurations where the Jacobian has lost a rank, and which of their joints are inside.
+    """Configurations where the Jacobian is rank deficient, and which joints are off their limits.
 
     By Newton's method on the products of the Jacobian with its last left singular vector and its
     last two right ones, from random configurations; joints at limits stay there.
@@ -259,7 +257,7 @@ def jacobians(arm: Arm, q: FloatArray) -> FloatArray:
 
 
 def reach(_: Baxter, ik: IKService, given: argparse.Namespace, rng: np.random.Generator) -> bool:
-    """Ask for poses a little out of reach; whether few are missed and no proof is false."""
+    """Request poses a little out of reach; whether few are missed and no proof is false."""
     if given.grid is not None:
         print(f"{ik.arm.side}: {cost_of_grid(ik, given.grid)}")
         return True
@@ -275,7 +273,7 @@ def reach(_: Baxter, ik: IKService, given: argparse.Namespace, rng: np.random.Ge
 
 
 def cost_of_grid(ik: IKService, spacing_m: float) -> str:
-    """What a pose takes that is out of reach, and how many there are."""
+    """The time for a pose out of reach on a grid, as text."""
     x, z = (np.arange(low, 1.4, spacing_m) for low in (-0.6, -0.9))
     y = np.arange(-0.8, 1.5, spacing_m) * (1.0 if ik.arm.side == "left" else -1.0)
     points = np.stack(np.meshgrid(x, y, z), axis=-1).reshape(-1, 3)
@@ -289,13 +287,13 @@ def cost_of_grid(ik: IKService, spacing_m: float) -> str:
 
 
 def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, FloatArray] | None:
-    """The last pose within reach on a way out, and the direction (3,); None where none ends it."""
+    """The last reachable pose in a random direction, and the direction (3,); None if not found."""
     q = ik.arm.random_configuration(rng)
     T, outward = ik.arm.T_base_tip(q), rng.normal(size=3)
     outward /= np.linalg.norm(outward)
     inside_m = 0.0
     for _ in range(ROUNDS):
-        step_m = STEP_M  # one search after the other, from a solution
+        step_m = STEP_M  # single searches, each from the last solution
         while step_m > RESOLUTION_M and inside_m < LONGEST_M:
             found = ik.search.search(
                 q[None], moved(T, (inside_m + step_m) * outward).homogeneous[None]
@@ -315,7 +313,7 @@ def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, FloatArr
 
 
 def moved(T: pin.SE3, by: FloatArray) -> pin.SE3:
-    """A pose moved by a vector (3,) of base."""
+    """A pose translated by a vector (3,) in base."""
     return pin.SE3(T.rotation, T.translation + by)
 
 
@@ -328,7 +326,7 @@ def restarted(ik: IKService, T: pin.SE3, count: int, rng: np.random.Generator) -
 
 
 def kind(ik: IKService, nearest: IpoptSearcher, T: pin.SE3) -> str:
-    """What came of a pose."""
+    """The kind of the service's answer for a pose."""
     result = ik.solve(T)
     if result.failure is None:
         return "solved"
@@ -347,7 +345,7 @@ def kind(ik: IKService, nearest: IpoptSearcher, T: pin.SE3) -> str:
 
 
 def is_near(arm: Arm, T: pin.SE3, result: IKResult) -> bool:
-    """Whether the nearest position that is told is one, and near enough."""
+    """Whether the reported nearest position is correct and near enough."""
     told_m = None if result.failure is None else result.failure.nearest_m
     reached = arm.T_base_tip(result.q)
     away_m = float(np.linalg.norm(reached.translation - T.translation))
@@ -362,7 +360,7 @@ def is_near(arm: Arm, T: pin.SE3, result: IKResult) -> bool:
 def all_solutions(
     _: Baxter, ik: IKService, given: argparse.Namespace, rng: np.random.Generator
 ) -> bool:
-    """Compare all solutions with random restarts, and print a row of each figure."""
+    """Compare complete solution sets with random restarts; whether nothing is missing or worse."""
     arm, rows, worse = ik.arm, [], []
     for i in range(given.count):
         q_known = uniform(arm, 1, rng)
@@ -396,20 +394,20 @@ def all_solutions(
 
 
 def spread(seconds: FloatArray) -> str:
-    """Of times."""
+    """Median and 95 % quantile of times, as text."""
     middle, late = 1e3 * np.percentile(seconds, [50, 95])
     return f"{middle:.1f} ms (median), {late:.1f} ms (95 %)"
 
 
 def objectives(arm: Arm, rng: np.random.Generator) -> tuple[NearestTo | FarthestFromLimits, ...]:
-    """One of each kind."""
+    """One objective of each kind."""
     return NearestTo(arm.random_configuration(rng)), FarthestFromLimits(), MostManipulable()
 
 
 def by_how_much_worse(
     ik: IKService, T: pin.SE3, kind: NearestTo | FarthestFromLimits, dense: FloatArray
 ) -> tuple[float, float]:
-    """By how much the best of dense samples, shape (n, 7), is better; and the time, s."""
+    """How much better the best of dense samples, shape (n, 7), is; and the service's time, s."""
     began_s = perf_counter()
     result = ik.solve(T, objective=kind)
     took_s = perf_counter() - began_s
@@ -418,7 +416,7 @@ def by_how_much_worse(
 
 
 def missing_lengths(arm: Arm, curves: tuple[SelfMotion, ...], reference: FloatArray) -> list[float]:
-    """Of long pieces that hold solutions, shape (n, 7), and are not among the curves; rad."""
+    """Lengths (rad) of long pieces through solutions, shape (n, 7), that the curves miss."""
     lengths, left = [], reference
     for curve in curves:
         left = left[distances(curve, left) > HELD_RAD]
@@ -443,9 +441,9 @@ def distances(curve: SelfMotion, q: FloatArray) -> FloatArray:
 
 
 def worst_residual(arm: Arm, T: pin.SE3, curve: SelfMotion) -> float:
-    """By Pinocchio, of its points and a few between them, m and rad together."""
+    """Largest error of points on a curve, by Pinocchio: norm of m and rad."""
     between = [curve.at(s) for s in np.linspace(0.0, curve.length_rad, 7)]
-    if curve.length_rad == 0.0:  # a solution as its search left it, cornered between limits
+    if curve.length_rad == 0.0:  # an isolated solution, as a search returned it
         T = curve.T_base_tip
     misses = (pin.log6(T.actInv(arm.T_base_tip(q))).vector for q in [*curve.q[::5], *between])
     return max(float(np.linalg.norm(miss)) for miss in misses)
@@ -457,7 +455,7 @@ def worst_residual(arm: Arm, T: pin.SE3, curve: SelfMotion) -> float:
 def calibrations(
     robot: Baxter, stock: IKService, given: argparse.Namespace, rng: np.random.Generator
 ) -> bool:
-    """Solve poses of calibrated robots beside those of the stock robot; whether all are right."""
+    """Solve poses of calibrated robots and of the stock robot; whether all are solved correctly."""
     bad, ratios, ready_s, side = 0, [], [], stock.arm.side
     for number in range(given.robots):
         robot = Baxter.load(served_urdf(rng))
@@ -497,7 +495,7 @@ CHECKS: dict[str, tuple[Check, int]] = {
     "solutions": (all_solutions, 500),
     "calibrations": (calibrations, 2_000),
 }
-"""Of one arm; and how many poses it takes when not told."""
+"""The checks, and their default numbers of poses."""
 
 if __name__ == "__main__":
     sys.exit(main())

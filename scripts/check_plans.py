@@ -1,9 +1,9 @@
-"""Random problems, planned, certified, and checked by other code at 1 kHz.
+"""Plan random problems, and check the plans by independent code at 1 kHz.
 
 `python scripts/check_plans.py [--count N] [--family NAME ...] [--seed N] [--json FILE]`
 
-Ten families of problems (`referee.problems`). Every plan that the planner calls valid is given
-to `planner.verify` and to an independent check (`referee.checker`): the robot's original meshes,
+Ten families of problems (`referee.problems`). Every valid plan is passed to `planner.verify` and to
+an independent check (`referee.checker`): the robot's original meshes,
 all of their triangles, kinematics from the URDF, distances by FCL, every millisecond of every move
 and every 0.05 mm of the fingers' travel. Exit status 1 when a plan is contradicted or rejected, or
 anything raised. Times are of the processor, so that other work on the machine does not count.
@@ -31,7 +31,7 @@ from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_numb
 from planner import verify
 
 SHOWN = 3
-"""Findings printed of each contradicted plan; the file has all."""
+"""Maximum number of printed findings of a plan; the file has all."""
 
 HEADER = """
 | family | problems | valid | refused | contradicted | rejected | exceptions | refusal s (median,\
@@ -39,12 +39,12 @@ HEADER = """
 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 
 WRONG = ("contradicted", "rejected", "error")
-"""Entries of a trial that are a fault: what the independent check found, why the certificate says
-no, and the exception."""
+"""Entries of a trial that are faults: findings of the independent check, the verdict of the
+certificate, and the traceback."""
 
 Trial = dict[str, Any]
-"""Of one problem: family, number and seed; `planning_s`, `verify_s` and `check_s` of the processor,
-`motion_s` of the moves; `refusal`, why there is no plan; and entries of `WRONG`."""
+"""One problem: family, number and seed; processor times `planning_s`, `verify_s` and `check_s`;
+`motion_s`, the duration of the moves; `refusal`, why there is no plan; and entries of `WRONG`."""
 
 
 def run_trial(family: str, number: int, seed: int) -> Trial:
@@ -74,7 +74,7 @@ def run_trial(family: str, number: int, seed: int) -> Trial:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try all problems, print the table."""
+    """Try all problems and print the table; returns the exit status."""
     options = _parser().parse_args(argv)
     families, began_s = options.family or list(FAMILIES), time.perf_counter()
     numbers = range(options.first, options.first + options.count)

@@ -1,13 +1,13 @@
-"""Calls everything public with hostile arguments, and counts what should not come of it.
+"""Call every public function and method with hostile arguments, and report the faults.
 
 `python scripts/fuzz.py [--count N] [--seed N] [--jobs N] [--only TEXT]`
 
-Each call has valid arguments but for one or more, which are wrong on purpose (`fuzzing.values`);
-hypothesis draws them. It may return, or raise a `BaxterError` with a message of readable length,
-or, where an argument is missing or too many, Python's own `TypeError`. Anything else is a fault:
+Hypothesis draws the calls: all arguments are valid except one or more, which are wrong on purpose
+(`fuzzing.values`). A call may return, or raise a `BaxterError` with a message of readable length,
+or, where an argument is missing or superfluous, Python's own `TypeError`. Anything else is a fault:
 another exception, more than 5 s of computation, the end of the process. Faults are listed with
-their calls; exit status 1 when there is one. The calls are spread evenly over all targets; what
-takes no argument is called once or twice only. The same seed makes the same calls.
+their calls; the exit status is then 1. The calls are spread evenly over all targets; a target
+without parameters is called once or twice only. The same seed makes the same calls.
 """
 
 from __future__ import annotations
@@ -41,31 +41,31 @@ from baxter_kin import BaxterError
 from baxter_kin.command_line import OneSentenceParser, whole_number
 
 LIMIT_S = 5.0
-"""Of processor time, for one call; so other work on the machine does not count."""
+"""Maximum processor time of one call; other work on the machine does not count."""
 
 STANDSTILL_S = 60.0
-"""Of any time: what waits for ever computes nothing."""
+"""Additional wall time allowed: a call that waits for ever uses no processor time."""
 
 PREPARATION_S = 120.0
-"""Of processor time, for loading the libraries and making what a call needs."""
+"""Maximum processor time for loading the libraries and building the arguments of a call."""
 
 MAX_MEMORY = 8 << 30
-"""Bytes; what wants more gets a MemoryError instead of the machine."""
+"""Bytes; a process that needs more gets a MemoryError."""
 
 SHARE = 20
-"""Targets whose calls a process makes before another takes over; its memory is given back."""
+"""Targets per process; a new process starts with fresh memory."""
 
 HOSTILE_COUNTS = (1, 1, 1, 1, 1, 1, 1, 2, 2, 100)
-"""How many arguments of a call are hostile, each as often; 100 stands for all."""
+"""Number of hostile arguments of a call, drawn uniformly from these; 100 means all."""
 
 WRONG_CALLS = 50
-"""One call of so many lacks an argument, or has one too many."""
+"""One call in so many lacks an argument or has an unknown one."""
 
 MAX_MESSAGE, QUOTED = 3_000, 200
-"""Characters of a message: it repeats 200 of what came, and may list the names that are allowed."""
+"""Maximum length of a message in characters, and of what it quotes of an argument."""
 
 ITEMS = 3
-"""How many results are taken of an iterator."""
+"""Number of results taken from a returned iterator."""
 
 REFUSED, RETURNED, NOT_CALLED = "refused", "returned", "TypeError at the call"
 
@@ -74,9 +74,9 @@ class Call(NamedTuple):
     """A call before it is made.
 
     Attributes:
-        function: without arguments, what is read.
+        function: called with the arguments below.
         several: positional arguments.
-        named: the other ones.
+        named: keyword arguments.
         text: the call as a report shows it.
     """
 
@@ -87,13 +87,13 @@ class Call(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What came of a call.
+    """The result of a call.
 
     Attributes:
         kind: a row of the table.
-        call: in words.
+        call: as text.
         duration_s: of processor time.
-        fault: what is wrong with it; empty for nothing.
+        fault: description of the fault; empty for none.
     """
 
     kind: str
@@ -103,11 +103,11 @@ class Report(NamedTuple):
 
 
 Work = Callable[[Connection, Sequence[str], int, int, Path], None]
-"""What a process does: it sends the words of each call before it, and a report after it."""
+"""The main function of a process: it announces each call, and sends a report after it."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the calls, print the table and the faults."""
+    """Make the calls, print a table and the faults."""
     options = _parser().parse_args(argv)
     started, names = time.perf_counter(), [target.name for target in all_targets(options.only)]
     each = -(-options.count // len(names))
@@ -137,15 +137,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return int(bool(faults))
 
 
-# Processes that make the calls, watched from outside
+# Processes that make the calls, supervised from outside
 
 
 def run(
     names: Sequence[str], each: int, number: int, folder: Path, work: Work | None = None
 ) -> Iterator[Report]:
-    """Make so many calls of each target, in a process, or in as many as they bring down.
+    """Make `each` calls of every target in a separate process.
 
-    After a call that a process does not survive, another goes on with the next target.
+    When a call crashes or hangs the process, another process continues with the next target.
     """
     context, left = multiprocessing.get_context("spawn"), list(names)
     while left:
@@ -159,7 +159,7 @@ def run(
                 if isinstance(report, Report):
                     yield report
                 else:
-                    left.remove(report)  # it is done
+                    left.remove(report)  # a finished target
         finally:
             worker.kill()
             worker.join()
@@ -167,7 +167,7 @@ def run(
 
 
 def _watched(here: Connection, process: psutil.Process) -> Iterator[Report | str]:
-    """The reports of a process, and the name of each target that is done with."""
+    """The reports of a process, and the name of each finished target."""
     target, call = "", ""
     while True:
         computed_s = _awaited(here, process, LIMIT_S if call else PREPARATION_S)
@@ -194,7 +194,7 @@ def _watched(here: Connection, process: psutil.Process) -> Iterator[Report | str
 
 
 def _awaited(here: Connection, process: psutil.Process, limit_s: float) -> float | None:
-    """Wait for a message; how long was computed where none came within the limit, else None."""
+    """Wait for a message; None, or the processor time spent when none arrived within the limit."""
     begun_s, spent_s = time.monotonic(), _spent_s(process)
     while not here.poll(0.2):
         computed_s, waited_s = _spent_s(process) - spent_s, time.monotonic() - begun_s
@@ -213,7 +213,7 @@ def _spent_s(process: psutil.Process) -> float:
 def make_calls(
     there: Connection, names: Sequence[str], each: int, number: int, folder: Path
 ) -> None:
-    """Make calls; tell each before it begins, and then what came of it."""
+    """Make calls, announce each of them, and send its report."""
     os.chdir(folder)
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
@@ -236,7 +236,7 @@ def make_calls(
 
 
 def drawn(target: Target, count: int, number: int, use: Callable[[Call], None]) -> None:
-    """Use so many random calls of a target, or all there are; the same for the same number."""
+    """Draw up to `count` calls of a target and use each; the same seed draws the same calls."""
     forget()
 
     @seed(number)
@@ -256,7 +256,7 @@ def drawn(target: Target, count: int, number: int, use: Callable[[Call], None]) 
 
 @st.composite
 def calls(draw: st.DrawFn, target: Target, counts: Sequence[int] = HOSTILE_COUNTS) -> Call:
-    """Calls of a target, with as many hostile arguments as one of `counts` says."""
+    """Calls of a target whose number of hostile arguments is drawn from `counts`."""
     names = [parameter.name for parameter in target.parameters]
     count = draw(st.sampled_from(counts)) if names else 0
     spoilt = set(draw(st.permutations(names))[:count])
@@ -290,18 +290,18 @@ def calls(draw: st.DrawFn, target: Target, counts: Sequence[int] = HOSTILE_COUNT
 
 
 def judged(call: Call) -> tuple[str, str]:
-    """Make a call and read all of what it returns: the row of the table, and what is wrong."""
+    """Make a call and read its result; returns the row of the table and the fault, or ""."""
     try:
         _read(call.function(*call.several, **call.named))
     except BaxterError as error:
         return _refused(error)
-    except Exception as error:  # whatever comes is what is looked for
+    except Exception as error:  # any exception is a finding
         return _unexpected(error)
     return RETURNED, ""
 
 
 def _read(found: Any) -> None:
-    """Use what was returned: an object that exists is valid."""
+    """Read all properties of a returned object, which must be valid."""
     if isinstance(found, Iterator):
         list(islice(found, ITEMS))
     elif type(found).__module__.startswith(OURS):
@@ -342,7 +342,9 @@ def _parser() -> argparse.ArgumentParser:
     some = whole_number(1)
     parser.add_argument("--count", type=some, default=50_000, help="calls (default 50000)")
     parser.add_argument("--seed", type=whole_number(0), default=0, help="of all calls (default 0)")
-    parser.add_argument("--only", default="", metavar="TEXT", help="targets whose names hold this")
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="only targets with this in their names"
+    )
     parser.add_argument("--jobs", type=some, default=os.cpu_count() or 1, help="processes")
     return parser
 

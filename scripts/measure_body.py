@@ -1,13 +1,13 @@
-"""The robot's body beside Rethink's meshes: how near what it says is, in random configurations.
+"""Compare clearances of the robot's body with those of Rethink's meshes in random configurations.
 
 `python scripts/measure_body.py [--count N] [--seed N] [--jobs N]`
 
-Both arms stand anywhere within their limits, fingers too, among boxes at random places. For each
-arm the planner's clearance is compared with distances of the original meshes, by other kinematics
-and FCL (`referee`). It prints the greatest differences. The exit status is 1 when a mesh is
-nearer than the planner says, when a clearance below 50 mm is over 2 mm less than that of the
-meshes, or when something counts as touching whose meshes are 3 mm apart, as are those of what is
-rigid to it.
+Both arms and their fingers are at random positions within their limits, among random boxes. For
+each arm the planner's clearance is compared with distances of the original meshes, by independent
+kinematics and FCL (`referee`). The exit status is 1 when a mesh is nearer than the planner's
+clearance, when a clearance below 50 mm is smaller than that of the meshes by more than 2 mm, or
+when the planner reports a contact although the meshes, also of links rigidly attached, are 3 mm
+apart.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from planner import Body, Box, Part, RobotBody, RobotShapes, Scene
 from planner.collision import ClearanceChecker
 
 NEAR_M, WITHIN_M, APART_M = 0.050, 0.002, 0.003
-"""Below which a clearance is compared, what it may be too small by, and how far apart meshes must
-not be where something counts as touching."""
+"""Clearances below the first are compared, with the second as tolerance; the third is the maximum
+distance of meshes in contact."""
 
 ROUNDING_M = 1e-5
-"""What coal's distances, and FCL's, may be wrong by."""
+"""Error of distances by coal and FCL."""
 
 BOXES, EDGES_M = 4, (0.02, 0.25)
 REACH_M = ((0.2, 1.2), (-1.0, 1.0), (-0.4, 0.9))
-"""How many boxes, their edges, and where their centres are in base."""
+"""Number of boxes, and ranges of their edges and of their centres in base."""
 
 FINGER_M = 0.0208
 
@@ -55,10 +55,10 @@ class Look(NamedTuple):
     Attributes:
         number: of the configuration.
         said_m: the planner's clearance.
-        pair: of what.
-        of_pair_m: the distance of the meshes of that pair.
-        least_m: the least distance of the meshes of any pair that is checked, up to `said_m`.
-        nearest: of which pair that is.
+        pair: the nearest pair, by the planner.
+        of_pair_m: distance of the meshes of that pair.
+        least_m: smallest distance of the meshes of any checked pair, up to `said_m`.
+        nearest: that pair.
     """
 
     number: int
@@ -70,7 +70,7 @@ class Look(NamedTuple):
 
     @property
     def fault(self) -> str | None:
-        """What is wrong with it, in a sentence."""
+        """Description of a fault, or None."""
         said = f"{self.number}: {1e3 * self.said_m:.2f} mm said"
         named, apart = " and ".join(self.pair), f"{1e3 * self.of_pair_m:.2f} mm apart"
         if self.said_m > self.least_m + ROUNDING_M:
@@ -83,7 +83,7 @@ class Look(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Look at all configurations, print what was found."""
+    """Compare all configurations and print a summary; returns the exit status."""
     parser = OneSentenceParser(description="The robot's body beside its meshes.")
     parser.add_argument("--count", type=whole_number(1), default=10_000, help="configurations")
     parser.add_argument("--seed", type=whole_number(0), default=0)
@@ -148,7 +148,7 @@ def _look(number: int, arm: Arm, scene: Scene, q: Array, meshes: Meshes) -> Look
 
 
 class Meshes:
-    """Links and boxes, by their meshes."""
+    """Distances of links and boxes, by their meshes."""
 
     def __init__(self, joints: dict[str, float], scene: Scene) -> None:
         robot = load_robot()
@@ -171,9 +171,9 @@ class Meshes:
         return min(near, default=np.inf)
 
     def are_nested(self, one: str, other: str) -> bool:
-        """Whether one is inside the other, or what is rigid to it passes through its surface.
+        """Whether one is inside the other, or a link rigidly attached to one intersects the other.
 
-        Rays tell what is inside; near an opening, as where an arm is mounted, many are free.
+        The second case covers openings, as where an arm is mounted: many rays leave there.
         """
         robot, T = load_robot(), self._from(one, other)
         if any(
@@ -192,7 +192,7 @@ class Meshes:
         return inverse(self._poses[other]) @ self._poses[one]
 
     def _gap_m(self, one: str, first: Solid, other: str, second: Solid) -> float:
-        """Of axis-aligned boxes in base around the boxes around both."""
+        """Distance of the axis-aligned bounding boxes in base."""
         spans = []
         for name, solid in ((one, first), (other, second)):
             T = self._poses[name]
@@ -205,7 +205,7 @@ class Meshes:
 
 @cache
 def _pairs(side: str, boxes: tuple[str, ...]) -> list[Pair]:
-    """What the planner checks of an arm: not its hand by itself, not what its body leaves out."""
+    """Pairs that the planner checks: neither within the hand nor skipped by the body."""
     robot, skipped = load_robot(), RobotBody.load().skipped_pairs
     links = sorted(link for link, solids in robot.solids.items() if solids)
     arm, hand = robot.below({f"{side}_s0"}), robot.below({f"{side}_w2"})

@@ -1,21 +1,21 @@
-"""Measure motions at random against optima: `python scripts/measure_motion.py cycles|paths|lines`.
+"""Compare random motions with optima: `python scripts/measure_motion.py cycles|paths|lines`.
 
-`cycles [--count 40] [--seed 5] [--wall]`: picks and places. Blocks on the demo's table, turned at
-random, each arm in turn. Every plan is verified, and compared with the same program on a grid twice
-as fine with nothing in the way. With `--wall`, only the demo's two cycles, around a wall between
-pick and place. The exit status is 1 when a task has no plan or a plan is not verified.
+`cycles [--count 40] [--seed 5] [--wall]`: picks and places of blocks on the demo's table with
+random positions and yaws, alternating between the arms. Every plan is verified, and compared with
+the same program on a grid twice as fine and without obstacles. With `--wall`, only the demo's two
+cycles, around a wall between pick and place. The exit status is 1 when a task has no valid plan.
 
 `paths [--count 50] [--seed 7]`: free moves. A wall of random size stands on the demo's table; start
 and goal are tip poses left and right of it, with random IK solutions, and the straight joint line
-between them is blocked. Every motion is planned, judged by the continuous proof, and checked again
-afterwards by distances computed pair by pair at dense samples. Then all are planned again, to see
-that they are the same. After that the arm reaches into shelves: between two boards 30 cm apart,
-20 cm and more behind their front edge. The exit status is 1 when a sample touches something.
+between them is blocked. Every motion is planned (with a continuous proof of clearance), and checked
+by distances computed pair by pair at dense samples. Then all are planned again: the motions must be
+equal. Finally the arm reaches into shelves: between two boards 30 cm apart, 20 cm and more behind
+their front edge. The exit status is 1 when a sample touches something or motions differ.
 
 `lines [--segments 200] [--count N]`: straight moves, against two optima. One is the least time in
 which the path of least norm q(s) can be run through under the same limits on joint velocity,
 acceleration and jerk; straight moves may beat it, as the arm's self-motion is theirs to choose. It
-is computed by other means than the planner's: q(s) is a Chebyshev polynomial, s(t) has constant
+is computed independently of the planner: q(s) is a Chebyshev polynomial, s(t) has constant
 jerk on equal intervals, its states are unknowns joined by multiple shooting, the joints' rates
 follow from three derivatives of q as CasADi expressions and are bounded at both ends of every
 interval, and IPOPT solves the nonlinear program with exact second derivatives. Bounds are kept at
@@ -83,7 +83,7 @@ DEGREE, MAX_STEPS, FINER = 32, 400, 4
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the figures of one kind of motion; 1 when one of them is wrong."""
+    """Print the figures of one kind of motion; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("kind", choices=KINDS)
     parser.add_argument("--count", type=int, help="how many motions")
@@ -102,7 +102,7 @@ def _boxed(name: str, size_m: tuple[float, ...], at: tuple[float, ...] | FloatAr
 
 
 class Cycle(NamedTuple):
-    """A pick and place, from where the arm stands."""
+    """A pick and place from a configuration of the arm."""
 
     manipulator: Manipulator
     scene: Scene
@@ -110,11 +110,11 @@ class Cycle(NamedTuple):
     task: PickAndPlace
 
     def plan(self) -> Plan:
-        """The planner's answer."""
+        """Plan it."""
         return plan_pick_and_place(self.task, self.manipulator, self.scene, self.q_start)
 
     def finer_s(self) -> float:
-        """The least time on a grid twice as fine, over the first pairs of solutions."""
+        """Minimum time on a grid twice as fine, over the first pairs of IK solutions."""
         request = PlanRequest(self.manipulator, self.scene, self.q_start)
         program = CycleProgram(request, self.task, fineness=2)
         candidates = Candidates(request, self.task)
@@ -124,7 +124,7 @@ class Cycle(NamedTuple):
 
 
 def cycles(given: argparse.Namespace) -> bool:
-    """Print a line for each task, then the medians."""
+    """Plan tasks and print a line for each; whether all plans are valid."""
     robot, ratios, times, is_right = Baxter.load(), [], [], True
     drawn = islice(_cycles(robot, 5 if given.seed is None else given.seed), given.count or 40)
     for number, each in enumerate(_walled(robot) if given.wall else drawn, 1):
@@ -147,7 +147,7 @@ def cycles(given: argparse.Namespace) -> bool:
 
 
 def _cycles(robot: Baxter, seed: int) -> Iterator[Cycle]:
-    """Tasks whose poses are within reach and on the table, each arm in turn."""
+    """Tasks on the table within reach, alternating between the arms."""
     rng = np.random.default_rng(seed)
     arms = {side: Manipulator.of(robot, side) for side in ("left", "right")}
     for side in cycle(arms):
@@ -176,7 +176,7 @@ def _cycle(manipulator: Manipulator, rng: np.random.Generator) -> Cycle | None:
 
 
 def _walled(robot: Baxter) -> Iterator[Cycle]:
-    """The demo's two cycles with a wall between."""
+    """The demo's two cycles with a wall between pick and place."""
     manipulator = Manipulator.of(robot, "left")
     scene = Scene.of([*demo_bodies("left"), *obstacles([WALL])])
     pick, place = (pose_from_quaternion(p, OVERHEAD_XYZW) for p in DEFAULT_POSES_M)
@@ -200,11 +200,11 @@ class Path(NamedTuple):
     q_goal: FloatArray
 
     def direct(self) -> Trajectory:
-        """The joint move that heeds nothing."""
+        """The joint move that ignores obstacles."""
         return plan_joint_move(self.q_start, self.q_goal, self.manipulator.limits)
 
     def plan(self) -> Trajectory | None:
-        """The planner's answer."""
+        """Plan it."""
         ends, limits = (self.q_start, self.q_goal), self.manipulator.limits
         with suppress(FreeMoveError):
             return plan_free_move(*ends, limits, self.context, rng=np.random.default_rng(1))
@@ -215,7 +215,7 @@ Draw = Callable[[Manipulator, np.random.Generator], "Path | None"]
 
 
 def paths(given: argparse.Namespace) -> bool:
-    """Make the problems, solve them twice, print."""
+    """Solve problems twice and print the figures; whether all are clear and reproducible."""
     seed, number = 7 if given.seed is None else given.seed, given.count or 50
     walls = _paths(number, seed, _past_wall)
     found, is_right = _measured("past a wall", walls)
@@ -227,7 +227,7 @@ def paths(given: argparse.Namespace) -> bool:
 
 
 def _paths(number: int, seed: int, draw: Draw) -> list[Path]:
-    """Problems whose ends are free and whose straight line is not; the same for the same seed."""
+    """Problems with free ends and a blocked straight line; the same for the same seed."""
     rng, manipulator = np.random.default_rng(seed), Manipulator.of(Baxter.load(), "left")
     problems: list[Path] = []
     while len(problems) < number:
@@ -245,7 +245,7 @@ def _past_wall(manipulator: Manipulator, rng: np.random.Generator) -> Path | Non
     context = manipulator.context(scene, finger_m=manipulator.hand.stroke_m)
 
     def beside(side: int) -> FloatArray | None:
-        """A free configuration over the table, beside the wall, the hand down and turned."""
+        """A free configuration over the table, beside the wall, the hand pointing down."""
         for _ in range(TRIES):
             x, z = rng.uniform(0.55, 0.8), rng.uniform(-0.1, 0.05)
             down = pose_from_quaternion((x, y + side * rng.uniform(0.1, 0.3), z), OVERHEAD_XYZW)
@@ -262,7 +262,7 @@ def _past_wall(manipulator: Manipulator, rng: np.random.Generator) -> Path | Non
 
 
 def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Path | None:
-    """From before a shelf to between its boards, the hand level, pointing forwards and turned."""
+    """A move from in front of a shelf to between its boards, the hand pointing forwards."""
     front, low, y = rng.uniform(0.6, 0.7), rng.uniform(-0.1, 0.2), rng.uniform(0.0, 0.4)
     size, middle = (SHELF_DEPTH_M, 0.8, BOARD_M), front + SHELF_DEPTH_M / 2
     heights = {"lower": low, "upper": low + SHELF_GAP_M}
@@ -282,7 +282,7 @@ def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Path | None
 
 
 def _measured(title: str, problems: list[Path]) -> tuple[list[Trajectory | None], bool]:
-    """The moves, printed; and whether all are clear, at samples that are checked pair by pair."""
+    """Plan problems and print the figures; returns the moves, and whether all samples are clear."""
     moves, spent_s = list[Trajectory | None](), list[tuple[float, float]]()
     for path in problems:
         began_s, busy_s = time.perf_counter(), time.process_time()
@@ -325,7 +325,7 @@ def _is_same(one: Trajectory | None, other: Trajectory | None) -> bool:
 
 
 class Line(NamedTuple):
-    """A line and how it is to be run through."""
+    """A straight move of the tip, its limits and its speed at the start."""
 
     label: str
     arm: Arm
@@ -335,7 +335,7 @@ class Line(NamedTuple):
     speed_m_s: float = 0.0
 
     def plan(self, fineness: int = 1) -> Trajectory:
-        """The planner's answer."""
+        """Plan it."""
         return plan_straight_move(
             self.arm,
             self.q_start,
@@ -347,17 +347,17 @@ class Line(NamedTuple):
 
     @property
     def line(self) -> StraightLine:
-        """Of the tip."""
+        """The tip's line."""
         return StraightLine(self.arm.T_base_tip(self.q_start), self.T_base_goal)
 
     @property
     def start(self) -> tuple[float, float, float]:
-        """The fraction of the way at first, and its derivatives by time."""
+        """Path parameter at the start and its first two time derivatives."""
         return 0.0, self.speed_m_s / max(self.line.length_m, MIN_LENGTH), 0.0
 
 
 def lines(given: argparse.Namespace) -> bool:
-    """Compute and print."""
+    """Compare straight moves with both optima and print a row for each."""
     print(f"{'move':<38}{'ours':>9}{'least norm':>16}{'finer':>16}{'CPU':>9}  intervals")
     ratios = []
     for line in islice(_lines(), given.count):
@@ -377,7 +377,7 @@ def lines(given: argparse.Namespace) -> bool:
 
 
 def optimum_s(line: Line, segments: int) -> float:
-    """The least duration along the path of least norm."""
+    """Minimum duration along the path of least norm."""
     joint_rates, joint_jerks = _rates(line)
     X, U, T = ca.MX.sym("X", 3, segments + 1), ca.MX.sym("U", 1, segments), ca.MX.sym("T")
     h, (s, v, a) = T / segments, ca.vertsplit(X[:, :-1])
@@ -397,7 +397,7 @@ def optimum_s(line: Line, segments: int) -> float:
     states = 3 * (segments + 1)
     high = np.full(states + segments + 1, np.inf)
     low = -high
-    low[1:states:3] = low[-1] = 0.0  # forwards, in space and time
+    low[1:states:3] = low[-1] = 0.0  # ds/dt >= 0, T >= 0
     for bound in (low, high):
         bound[:3], bound[states - 3 : states] = line.start, (1.0, 0.0, 0.0)
     bound = np.concatenate([np.zeros(defects.numel()), np.ones(ratios.numel())])
@@ -408,7 +408,7 @@ def optimum_s(line: Line, segments: int) -> float:
 
 
 def _rates(line: Line) -> tuple[ca.Function, ca.Function]:
-    """Velocity and acceleration over their limits, and jerk over its, of (s, ds/dt, ...)."""
+    """Joint velocity and acceleration, and jerk, divided by their limits, as functions of s(t)."""
     x, jerk = ca.SX.sym("x", 3), ca.SX.sym("jerk")
     s, v, a = ca.vertsplit(x)
     u = 2 * s - 1

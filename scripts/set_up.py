@@ -2,11 +2,11 @@
 
     python3 scripts/set_up.py demo|notebooks|docs|check|test [--venv FOLDER] [--wheel FILE]
 
-Python, from 3.7 on, pip and this file are enough to begin with. What machine this is comes first,
-since not every one has wheels of all that is needed. Python packages go to a virtual environment.
-What lies outside of it is looked for first; what is missing is brought by the distribution's
-package, when that needs no password, and every such command is printed before it runs. Where that
-cannot be done, this says what is done without it.
+Requires only Python 3.7 or later, pip and this file. First the machine is checked, because not all
+packages have wheels for every machine. Python packages are installed in a virtual environment.
+System libraries and programs are searched for; missing ones are installed from the distribution
+when that needs no password, and every such command is printed before it runs. Where that is
+impossible, the script says what will not work.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ EXTRAS = {
     "check": "[dev]",
     "test": "[dev]",
 }
-"""What is installed along with the toolkit, by what it is set up for."""
+"""Extras that are installed with the toolkit, by purpose."""
 
 OPENMP = "libgomp.so.1"
 """The OpenMP runtime of GCC, which Pinocchio's wheel leaves to the system."""
@@ -48,20 +48,20 @@ ROS = (
     " python3-trajectory-msgs"
     " ros-sensor-msgs ros-geometry-msgs ros-trajectory-msgs ros-actionlib-msgs"
 )
-"""What of Debian's ROS 1 our node is tested against; nothing else needs it."""
+"""Debian's packages of ROS 1, against which our node is tested; only tests need them."""
 
 OLDEST_PYTHON, NEWEST_PYTHON, NEWEST_WITH_OMPL = (3, 10), (3, 14), (3, 13)
-"""What Pinocchio, coal, Ruckig and Shapely have wheels for; and OMPL."""
+"""Versions for which Pinocchio, coal, Ruckig and Shapely have wheels, and OMPL."""
 
 OLDEST_GLIBC, OLDEST_MACOS = (2, 28), 15
-"""Of wheels for Linux (Debian 10, Ubuntu 18.10, RHEL 8), and of OMPL's for macOS."""
+"""Required by wheels for Linux (Debian 10, Ubuntu 18.10, RHEL 8), and by OMPL's for macOS."""
 
 LAST_LINES = 20
-"""Of pip's output, shown where it fails without saying why."""
+"""Lines of pip's output that are shown when it fails without an error message."""
 
 WITHIN_S, EVERY_S = 900.0, 5.0
-"""What one command may take; the longest one downloads a browser of 0.3 GB. And how often it is
-told that it goes on."""
+"""Time limit of one command (the longest downloads a browser of 0.3 GB), and interval of progress
+reports."""
 
 WIDTH = 78
 
@@ -101,17 +101,17 @@ def main() -> None:
     say(f"done in {took_s:.0f} s; make {options.purpose} starts at once from now on")
 
 
-# The machine: where pip finds no wheel it says so after minutes, or tries to compile
+# The machine, which is checked first: without a wheel pip fails after minutes, or tries to compile
 
 
 class Machine(NamedTuple):
-    """What wheels depend on.
+    """The properties of a machine that wheels depend on.
 
     Attributes:
         system: `sys.platform`.
         processor: such as "x86_64".
-        python: version of the Python that runs this.
-        is_usual: whether that is CPython with its global lock, as nearly all are.
+        python: version of the running Python.
+        is_usual: whether that is CPython with its global interpreter lock.
         libc: name and version of the C library; empty where Python does not know it.
         macos: version, empty elsewhere.
     """
@@ -125,7 +125,7 @@ class Machine(NamedTuple):
 
     @classmethod
     def this(cls) -> Machine:
-        """The one that this runs on."""
+        """The machine that runs this."""
         is_usual = platform.python_implementation() == "CPython"
         is_usual &= not sysconfig.get_config_var("Py_GIL_DISABLED")
         macos = platform.mac_ver()[0]
@@ -134,7 +134,7 @@ class Machine(NamedTuple):
 
 
 def obstacle(machine: Machine) -> str | None:
-    """Why baxter-kin cannot be installed there and what to do, in one sentence; None if it can."""
+    """Why baxter-kin cannot be installed and what to do, in one sentence; None if it can be."""
     kind, processor, (libc, version) = machine.system, machine.processor, machine.libc
     is_mac, is_linux = kind == "darwin", kind == "linux"
     macos = int(machine.macos.partition(".")[0] or OLDEST_MACOS)
@@ -176,13 +176,13 @@ def _obstacle_of_python(machine: Machine) -> str | None:
 
 
 def other_python() -> str | None:
-    """The newest Python on PATH, by its name, that wheels are for; pyenv has some that fail."""
+    """Name of the newest supported Python on PATH that starts; some shims of pyenv do not."""
     minors = range(NEWEST_WITH_OMPL[1], OLDEST_PYTHON[1] - 1, -1)
     return next((f"python3.{n}" for n in minors if succeeds(f"python3.{n}", "-c", "")), None)
 
 
 def remarks(machine: Machine) -> list[str]:
-    """What is different on a machine where it can be installed."""
+    """Limitations on a machine where it can be installed."""
     told = []
     if machine.python > NEWEST_WITH_OMPL:
         told.append(
@@ -198,7 +198,7 @@ def remarks(machine: Machine) -> list[str]:
 
 
 def dotted(version: tuple[int, ...]) -> str:
-    """Such as 3.12."""
+    """A version as text, such as 3.12."""
     return ".".join(map(str, version))
 
 
@@ -206,10 +206,10 @@ def dotted(version: tuple[int, ...]) -> str:
 
 
 def environment(venv: Path) -> Path:
-    """The virtual environment's Python, made if it is not there.
+    """The Python of the virtual environment, which is created if necessary.
 
-    Debian's Python lacks ensurepip unless python3-venv is installed; then the outer pip fetches
-    one.
+    Debian's Python lacks ensurepip unless python3-venv is installed; then the outer pip installs
+    pip.
     """
     python = venv / "bin" / "python"
     if python.exists():
@@ -220,13 +220,13 @@ def environment(venv: Path) -> Path:
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "pip"]
     if not succeeds(sys.executable, "-m", "venv", "--without-pip", str(venv)) or not succeeds(*pip):
         if python.exists():
-            python.unlink()  # or the next run would take it for complete
+            python.unlink()  # or the next run would consider it complete
         fail("cannot make a virtual environment; install pip: apt-get install python3-pip")
     return python
 
 
 def install(python: Path, wheel: Path | None, extra: str) -> bool:
-    """Have pip install the toolkit with an extra; what pip complains about is shown."""
+    """Install the toolkit with an extra by pip; print pip's errors."""
     command = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
     target = ["--editable", f"{CHECKOUT}{extra}"] if wheel is None else [f"{wheel}{extra}"]
     status, said = watched([*command, *target], "pip")
@@ -237,7 +237,7 @@ def install(python: Path, wheel: Path | None, extra: str) -> bool:
 
 
 def lend_openmp(python: Path) -> None:
-    """Link CasADi's copy of the runtime to where Pinocchio looks for it first."""
+    """Link CasADi's copy of the runtime to where Pinocchio searches first."""
     where = "import sysconfig; print(sysconfig.get_path('platlib'))"
     packages = Path(subprocess.check_output([str(python), "-c", where], text=True).strip())
     link = packages / "cmeel.prefix" / "lib" / OPENMP
@@ -256,11 +256,11 @@ def check_pinocchio(python: Path) -> None:
         fail(done.stderr.strip().rpartition("\n")[2])
 
 
-# What lies outside of it
+# System libraries and programs
 
 
 def bring_openmp() -> None:
-    """The system's OpenMP runtime, where it is missing and may be installed."""
+    """Install the system's OpenMP runtime if it is missing."""
     if not has_library(OPENMP):
         say(f"{OPENMP} is missing, which Pinocchio needs")
         if not install_of_distribution("libgomp1"):
@@ -268,7 +268,7 @@ def bring_openmp() -> None:
 
 
 def has_library(name: str) -> bool:
-    """Whether the system has it; only on Linux do wheels leave any to the system."""
+    """Whether the system has a library; on other systems than Linux wheels need none."""
     try:
         return sys.platform != "linux" or bool(ctypes.CDLL(name))
     except OSError:
@@ -276,7 +276,7 @@ def has_library(name: str) -> bool:
 
 
 def bring_browser(python: Path) -> None:
-    """A Chromium for the tests: one that is there, Playwright's, or the distribution's."""
+    """Find a Chromium for the tests, or install Playwright's or the distribution's."""
     if not has_library(ATOMIC):
         say(f"{ATOMIC} is missing, which Playwright needs")
         install_of_distribution("libatomic1")
@@ -293,7 +293,7 @@ def bring_browser(python: Path) -> None:
 
 
 def bring_compiler(python: Path, wheel: Path | None) -> None:
-    """A C compiler for the tests of machine code: one on PATH, or that of the package ziglang."""
+    """Find a C compiler for the tests of machine code, or install the package ziglang."""
     bring(
         (str(python), "-c", HAS_COMPILER),
         "no C compiler on PATH",
@@ -307,7 +307,7 @@ def bring_compiler(python: Path, wheel: Path | None) -> None:
 
 
 def bring_ros(python: Path) -> None:
-    """ROS 1 for the tests, under the system's Python: what is there, or the distribution's."""
+    """Find ROS 1 for the tests, under the system's Python, or install the distribution's."""
     bring(
         (str(python), "-m", "tests.sim.ros1.debian"),
         "no ROS 1",
@@ -323,13 +323,13 @@ def bring_ros(python: Path) -> None:
 def bring(
     search: Sequence[str], lack: str, ways: dict[str, Callable[[], bool]], without: str
 ) -> None:
-    """Bring what a command searches for, by the first way that works.
+    """Install what a command searches for, by the first way that works.
 
     Args:
-        search: a command that succeeds when it is there.
-        lack: what to say when it is not.
-        ways: what to try in turn, by what is said before.
-        without: what to say when none has brought it.
+        search: a command that succeeds when it is installed.
+        lack: message when it is not.
+        ways: functions to try in turn, by the message before each.
+        without: message when all of them have failed.
     """
     if succeeds(*search):
         return
@@ -342,7 +342,7 @@ def bring(
 
 
 def install_of_distribution(*packages: str) -> bool:
-    """Install packages of Debian or its kin; False where that cannot be done without asking."""
+    """Install packages of Debian or a derivative; False where a password would be required."""
     if shutil.which("apt-get") is None:
         return False
     if os.geteuid() == 0:
@@ -365,7 +365,7 @@ def install_of_distribution(*packages: str) -> bool:
 
 
 def succeeds(*command: str) -> bool:
-    """Whether a command ends well, from the checkout; it says nothing."""
+    """Run a command in the checkout silently; whether it succeeds."""
     quiet = {"stdin": subprocess.DEVNULL, "capture_output": True, "timeout": WITHIN_S}
     try:
         return subprocess.run(command, cwd=CHECKOUT, check=False, **quiet).returncode == 0
@@ -374,7 +374,7 @@ def succeeds(*command: str) -> bool:
 
 
 def brings(command: Sequence[str], doing: str) -> bool:
-    """Whether a command ends well that takes long; says meanwhile what it is at."""
+    """Run a long command with progress reports; whether it succeeds."""
     try:
         return watched(command, doing)[0] == 0
     except OSError:
@@ -384,19 +384,19 @@ def brings(command: Sequence[str], doing: str) -> bool:
 def watched(
     command: Sequence[str], doing: str, *, every_s: float = EVERY_S, within_s: float = WITHIN_S
 ) -> tuple[int, list[str]]:
-    """Run a command to its end: its status, and the lines that it has written.
+    """Run a command; returns its exit status and the lines of its output.
 
-    Meanwhile the last of these is shown again and again: on a terminal in one line, which is
-    removed in the end.
+    Meanwhile the last line is printed at regular intervals: on a terminal in place, and removed in
+    the end.
 
     Args:
         command: what to run.
-        doing: what is said before that line.
-        every_s: how often.
-        within_s: when to kill it.
+        doing: text before that line.
+        every_s: interval of the progress reports.
+        within_s: time after which it is killed.
     """
     began_s, is_terminal = time.monotonic(), sys.stdout.isatty()
-    with TemporaryFile("a+", errors="replace") as out:  # a: what it writes goes to the end
+    with TemporaryFile("a+", errors="replace") as out:  # a: the command appends
         process = subprocess.Popen(
             command, cwd=CHECKOUT, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT
         )
@@ -426,12 +426,12 @@ def watched(
 
 
 def say(text: str) -> None:
-    """A line of progress."""
+    """Print a line of progress."""
     print(f"set-up: {text}", flush=True)
 
 
 def fail(reason: str) -> NoReturn:
-    """End with one sentence."""
+    """Exit with one sentence."""
     sys.exit(f"set-up: {reason}")
 
 

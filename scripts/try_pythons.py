@@ -1,13 +1,13 @@
-"""Try `make demo`, and tests that depend on it, with every other Python that is here.
+"""Run `make demo`, and tests that depend on Python, with every other Python on this machine.
 
     python3 scripts/try_pythons.py [demo] [test] [--folder FOLDER] [--jobs N]
 
-Pythons are looked for on PATH, as python3.10 and so on, and in pyenv's folder; of each minor
-version that is not the one that runs this, the newest that starts is taken. For each, `make demo`
-sets up a virtual environment of its own, which then gets what the tests need. `demo` does that,
-`test` runs the tests in what `demo` has left in the folder; both when neither is named. Exit status
-0 when all went well, 1 otherwise. A Python that a package has no wheel for is told with the reason;
-where this project says that it works with that Python, it is a failure.
+Pythons are searched for on PATH, as python3.10 and so on, and in pyenv's folder; of each minor
+version other than the running one, the newest that starts is used. For each, `demo` runs `make
+demo` in a virtual environment of its own and installs there what the tests need; `test` runs the
+tests in that environment. The default is both. The exit status is 1 when a step fails. A Python for
+which a package has no wheel is reported with the reason; it is a failure only if this project
+claims to support it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from set_up import (
 WITHIN_S = 1200.0
 
 NEEDED = "hypothesis ipywidgets jsonschema playwright psutil pytest pytest-xdist pyyaml rosbags"
-"""Packages of the extra `dev` that the tests below import."""
+"""Packages of the extra `dev` that the tests below need."""
 
 TESTS = """
 tests/test_set_up.py
@@ -46,19 +46,19 @@ tests/baxter_kin/test_command_line.py tests/baxter_kin/distribution
 tests/baxter_kin/ik/test_service.py tests/planner/test_plan_file.py tests/planner/motion/test_rrt.py
 tests/planner/motion/test_without_ompl.py
 """
-"""What may depend on Python, or on a package's wheel for it; `make demo` plans whole cycles. Those
-of searches are skipped where OMPL has no wheel, and that is told."""
+"""Tests that may depend on the version of Python or on a package's wheel for it. Those of searches
+are skipped where OMPL has no wheel, which is reported."""
 
 Version = tuple[int, int]
 Run = Callable[..., str]
 
 
 class CommandError(Exception):
-    """A command that failed; its output."""
+    """A failed command; its message is the output."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Read the command line, and try every Python."""
+    """Try every Python; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("steps", nargs="*", help="demo, test (default: both)")
     parser.add_argument("--folder", type=Path, help="for the environments (default: temporary)")
@@ -79,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def candidates() -> list[Path]:
-    """What may be a Python: of PATH and of pyenv, whose names on PATH need not start."""
+    """Paths of possible Pythons: on PATH and in pyenv's folder."""
     names = (f"python3.{minor}" for minor in range(OLDEST_PYTHON[1], OLDEST_PYTHON[1] + 20))
     root = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv")
     return [
@@ -89,7 +89,7 @@ def candidates() -> list[Path]:
 
 
 def pythons(candidates: Iterable[Path]) -> dict[Version, Path]:
-    """The newest that starts of each minor version that is not of this process."""
+    """The newest that starts of each minor version other than the running one."""
     found: dict[Version, tuple[tuple[int, ...], Path]] = {}
     for candidate in candidates:
         version = version_of(candidate)
@@ -99,7 +99,7 @@ def pythons(candidates: Iterable[Path]) -> dict[Version, Path]:
 
 
 def version_of(python: Path) -> tuple[int, ...]:
-    """Such as (3, 12, 1); () where it does not start."""
+    """The version, such as (3, 12, 1); () for a Python that does not start."""
     try:
         return tuple(
             map(int, run(str(python), "-c", "import sys; print(*sys.version_info[:3])").split())
@@ -109,7 +109,7 @@ def version_of(python: Path) -> tuple[int, ...]:
 
 
 def run(*command: str) -> str:
-    """What a command that went well has written."""
+    """Run a command and return its output."""
     done = subprocess.run(
         command,
         cwd=CHECKOUT,
@@ -129,7 +129,7 @@ def run(*command: str) -> str:
 def tried(
     version: Version, python: Path, venv: Path, step: str, *, jobs: str, run: Run = run
 ) -> bool:
-    """Whether one step went well with one Python, or was told to be impossible."""
+    """Run one step with one Python; False for a failure."""
     name, began_s = f"Python {dotted(version)}", time.monotonic()
     reason = obstacle(Machine.this()._replace(python=version))
     if reason is not None:
@@ -148,14 +148,14 @@ def tried(
 
 
 def demo(python: Path, venv: Path, run: Run) -> str:
-    """`make demo` with that Python; then what the tests need is installed too."""
+    """Run `make demo`, and install what the tests need."""
     said = run("make", "demo", f"PYTHON={python}", f"VENV={venv}", "ARGS=--headless")
     run(str(venv / "bin" / "python"), "-m", "pip", "install", "--quiet", *requirements())
     return said.strip().rpartition("\n")[2]
 
 
 def test(venv: Path, jobs: str, run: Run) -> str:
-    """The tests, in what `demo` has made."""
+    """Run the tests in the environment that `demo` has made."""
     if not (venv / "bin" / "python").exists():
         raise CommandError("make demo has failed before, so that there is nothing to test\n")
     options = ["-q", "-n", jobs, "-p", "no:cacheprovider"]
@@ -165,7 +165,7 @@ def test(venv: Path, jobs: str, run: Run) -> str:
 
 
 def requirements() -> list[str]:
-    """What `pyproject.toml` asks for under the names in `NEEDED`."""
+    """The requirements in `pyproject.toml` of the packages in `NEEDED`."""
     project = (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
     asked = re.findall(r'^  "(([\w-]+)>=[^"]*)"', project, re.MULTILINE)
     versions = {name: whole for whole, name in asked}

@@ -1,8 +1,8 @@
-"""Every public callable of the toolkit, found and not listed.
+"""Every public callable of the toolkit, found by inspection.
 
 The names in `__all__` of the packages that users import from, and the public methods, properties
-and class methods of their classes. Left out are exceptions, which only the toolkit makes, and calls
-of enumerations and protocols, which Python itself answers.
+and class methods of their classes. Excluded are exceptions, which only the toolkit raises, and
+calls of enumerations and protocols, which Python itself handles.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ SPECIAL = ("__getitem__", "__str__", "__repr__", "__iter__")
 """Special methods that count as public."""
 
 LEFT_OUT = (
-    ".Viewer.on_snapshot",  # it waits until a snapshot is due
-    ".Viewer.wait_for_client",  # it waits for a browser
-    ".IKResult",  # nothing is checked, as its contract says
+    ".Viewer.on_snapshot",  # waits until a snapshot is due
+    ".Viewer.wait_for_client",  # waits for a browser
+    ".IKResult",  # does not check its arguments, by contract
     ".Part.at",  # the same
-    ".ClearanceChecker.distances_m",  # asks for a checked configuration, for speed
+    ".ClearanceChecker.distances_m",  # requires a checked configuration, for speed
     ".ClearanceChecker.nearest",  # the same
 )
 
@@ -40,10 +40,10 @@ class Target(NamedTuple):
     """A callable or a property.
 
     Attributes:
-        name: as it is written, such as "planner.Scene.moved".
+        name: qualified name, such as "planner.Scene.moved".
         owner: the class whose object it is a method or property of; None for all else.
         attribute: of the owner.
-        function: what is called; None for a property.
+        function: the callable; None for a property.
         parameters: all but `self`.
     """
 
@@ -55,7 +55,7 @@ class Target(NamedTuple):
 
 
 def _public() -> Iterator[tuple[str, Any]]:
-    """Names and what they stand for; what two packages export comes once."""
+    """Public names with their objects; an object that two packages export comes once."""
     seen = set()
     for package in PACKAGES:
         for name in package.__all__:
@@ -73,11 +73,11 @@ def _is_constructible(thing: Any) -> bool:
 CONSTRUCTIBLE: dict[str, type[Any]] = {
     thing.__name__: thing for _, thing in _public() if _is_constructible(thing)
 }
-"""Public classes that objects can be made of, by name."""
+"""Public classes that can be instantiated, by name."""
 
 
 def all_targets(only: str = "") -> tuple[Target, ...]:
-    """All whose names hold a text, in the order of their names."""
+    """All targets with a text in their names, sorted by name."""
     found = {target.name: target for name, thing in _public() for target in _targets(name, thing)}
     chosen = (name for name in sorted(found) if only in name and not name.endswith(LEFT_OUT))
     return tuple(found[name] for name in chosen)
@@ -105,7 +105,7 @@ def _targets(name: str, thing: Any) -> Iterator[Target]:
 
 
 def _members(kind: type[Any]) -> dict[str, Any]:
-    """Public attributes of a class and of its bases that are the toolkit's."""
+    """Public attributes that a class defines or inherits from the toolkit's classes."""
     return {
         attribute: member
         for base in reversed(kind.__mro__)
@@ -120,7 +120,7 @@ def _parameters(function: Any) -> tuple[inspect.Parameter, ...]:
 
 
 def properties_of(kind: type[Any]) -> list[str]:
-    """What can be read of an object of one of the toolkit's classes."""
+    """Names of the public properties of a class."""
     return [
         attribute
         for attribute, member in inspect.getmembers_static(kind)

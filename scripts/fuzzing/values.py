@@ -1,8 +1,8 @@
 """Valid values for the parameters of everything public, and hostile ones, as strategies.
 
-An object of a public class is built from valid values for the fields that it needs. `LASTING` and
-`CHANGING` make those whose parts have to fit together; `NAMED`, `PATTERNS` and `ANNOTATIONS` give
-the rest by the name of a parameter and by its annotation.
+An object of a public class is built from valid values of its required fields. `LASTING` and
+`CHANGING` construct objects whose parts must be consistent; `NAMED`, `PATTERNS` and `ANNOTATIONS`
+give all other values, by the name of a parameter or by its annotation.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ BODY = "block"
 
 
 class Stranger:
-    """An object of a class that the toolkit does not know."""
+    """A class unknown to the toolkit."""
 
 
 HOSTILE = tuple(
@@ -114,7 +114,7 @@ lambda *_: None
 Path()
 """.strip().splitlines()
 )
-"""Expressions, which a report shows as they are."""
+"""Python expressions; a report shows them as they are."""
 
 
 def hostile(expression: str) -> Any:
@@ -122,7 +122,7 @@ def hostile(expression: str) -> Any:
     return eval(expression, {**globals(), "nan": np.nan, "inf": np.inf})
 
 
-# Objects whose parts have to fit together
+# Objects whose parts must be consistent
 
 
 def _recording() -> s.Recording:
@@ -237,7 +237,7 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         "Snapshot": _snapshot,
     }
 )
-"""What never changes, by the name of its class; made once in a process."""
+"""Immutable objects by the name of their class; made once per process."""
 
 CHANGING: Mapping[str, Callable[[], Any]] = MappingProxyType(
     {
@@ -252,7 +252,7 @@ CHANGING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         "TipTarget": lambda: s.TipTarget(one("Viewer"), one("Baxter"), "left"),
     }
 )
-"""What moves or is written to; made anew for each target, so that its calls are always the same."""
+"""Mutable objects; made anew for each target, so that its calls are reproducible."""
 
 _made: dict[str, Any] = {}
 
@@ -268,7 +268,7 @@ def one(kind: str) -> Any:
 
 
 def forget() -> None:
-    """Make what may have changed anew."""
+    """Discard the mutable objects."""
     for kind in CHANGING:
         _made.pop(kind, None)
 
@@ -372,7 +372,7 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "ends": st.tuples(*[_of("CurveEnd")] * 2),
     }
 )
-"""By the parameter's name, where need be with that of the target; the longest that fits counts."""
+"""By the parameter's name, qualified by its target where necessary; the longest match counts."""
 
 PATTERNS: tuple[tuple[str, Strategy], ...] = (
     (r"^(side|limb|arm)$", _given("left")),
@@ -412,7 +412,7 @@ def objects(kind: str) -> Strategy:
 
 
 def valid(target: str, parameter: inspect.Parameter) -> Strategy:
-    """Values that a parameter allows."""
+    """Valid values of a parameter."""
     kind, annotation = target.rpartition(".")[2], str(parameter.annotation)
     if kind in LASTING and hasattr(one(kind), parameter.name):
         return st.builds(lambda: getattr(one(kind), parameter.name))
@@ -434,5 +434,5 @@ def valid(target: str, parameter: inspect.Parameter) -> Strategy:
 
 
 def receivers(target: Target) -> Strategy:
-    """Objects whose method or property a target is."""
+    """Objects on which a method or property is called."""
     return st.none() if target.owner is None else objects(target.owner.__name__)

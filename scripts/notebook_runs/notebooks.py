@@ -1,4 +1,4 @@
-"""The notebooks as files, their exercises, a run of one in a new kernel, and what is wrong then."""
+"""The notebooks: their files and exercises, execution in a new kernel, and faults of the result."""
 
 from __future__ import annotations
 
@@ -34,32 +34,32 @@ NAMES = (
 )
 
 OLDEST_PYTHON = {"7_what_it_can_reach": (3, 11)}
-"""Of notebooks that need a later one than the toolkit does."""
+"""Notebooks that need a later Python than the toolkit."""
 
 DIGEST = "outputs_of"
-"""In a notebook's metadata: the digest of the sources that its stored outputs come from."""
+"""Key in a notebook's metadata: the digest of the sources that produced its stored outputs."""
 
 SOLUTION = re.compile(
     r"<details>\s*<summary>Solution</summary>\s*```python\n(?P<code>.*?)```\s*(?P<words>.*?)"
     r"</details>",
     re.DOTALL,
 )
-"""A folded solution: code, and words about it if there are any."""
+"""A folded solution: code, and optional text."""
 
 SHOWS = re.compile(r"plt\.show\(\)|^(Replay\(|viewer$)|\.replay\(\)$", re.MULTILINE)
-"""What a cell that shows something has."""
+"""Code of a cell that shows something."""
 
 PICTURES = {"image/png", "text/html"}
 FRAME = re.compile(r'<iframe [^>]*?(?P<kind>srcdoc|src)="(?P<what>[^"]*)"')
-"""How a replay (its whole page) or a live view (its address) stands in an output."""
+"""An embedded replay (its whole page) or live view (its address) in an output."""
 
 LONGEST_CELL_S = 300
 FILL_FONT_CACHE = "from matplotlib import font_manager; font_manager.get_font_names()"
-"""Else the first kernel says on stderr that it does."""
+"""Otherwise the first kernel reports on stderr that it does so."""
 
 ATTEMPTS = 3
 TOO_LATE = re.compile(r"NotReadyError.*(comes at .* Hz|the last state of)", re.DOTALL)
-"""What a driver says on a machine that has too much else to do; then the notebook runs again."""
+"""Error of a driver on a busy machine; then the notebook is executed again."""
 
 
 class Exercise(NamedTuple):
@@ -82,7 +82,7 @@ def runs_here(name: str) -> bool:
 
 
 def read(name: str) -> NotebookNode:
-    """A notebook as it is stored."""
+    """Read a stored notebook."""
     return nbformat.read(FOLDER / f"{name}.ipynb", as_version=nbformat.NO_CONVERT)
 
 
@@ -92,7 +92,7 @@ def code_cells(notebook: NotebookNode) -> list[NotebookNode]:
 
 
 def digest(notebook: NotebookNode) -> str:
-    """What tells these code cells from others."""
+    """Digest of the code cells."""
     sources = "\0".join(cell.source for cell in code_cells(notebook))
     return hashlib.sha256(sources.encode()).hexdigest()
 
@@ -110,7 +110,7 @@ def exercises(notebook: NotebookNode) -> Iterator[Exercise]:
 
 
 def with_solutions(notebook: NotebookNode) -> NotebookNode:
-    """The same with a code cell behind each exercise that solves it and checks that."""
+    """A copy with a code cell after each exercise that contains its solution and check."""
     solved = nbformat.from_dict(notebook)
     for exercise in reversed(list(exercises(notebook))):
         cell = nbformat.v4.new_code_cell(f"{exercise.solution}{exercise.check}")
@@ -119,7 +119,7 @@ def with_solutions(notebook: NotebookNode) -> NotebookNode:
     return solved
 
 
-# Runs
+# Execution
 
 
 def executed(
@@ -132,8 +132,8 @@ def executed(
     """A copy of a notebook with its outputs.
 
     Args:
-        notebook: what to run.
-        folder: where its cells write to.
+        notebook: the notebook to execute.
+        folder: working directory of its cells.
         python: an interpreter with the package and ipykernel installed; None for this one, with the
             packages of this checkout.
         after_cell: hook of nbclient, called with each `cell` that has run, while the kernel lives.
@@ -160,7 +160,7 @@ def executed(
 
 
 def _surroundings(settings: Path, python: Path | None) -> Any:
-    """What kernels inherit: the lessons, this checkout without `python`, and no settings."""
+    """The environment of kernels: lessons, this checkout unless `python` is given, no settings."""
     interpreter = sys.executable if python is None else str(python)
     kernel = settings / "kernels" / "python3" / "kernel.json"
     kernel.parent.mkdir(parents=True)
@@ -180,7 +180,7 @@ def _surroundings(settings: Path, python: Path | None) -> Any:
 
 
 def faults(notebook: NotebookNode) -> Iterator[str]:
-    """What cells wrote to stderr, do not show, or say of answers; one sentence each."""
+    """Output on stderr, missing pictures and wrong answers; one sentence each."""
     for cell in code_cells(notebook):
         for output in cell.outputs:
             if output.get("name") == "stderr":
@@ -194,21 +194,21 @@ def faults(notebook: NotebookNode) -> Iterator[str]:
 
 
 def kinds(cell: NotebookNode) -> set[str]:
-    """The kinds of what a cell shows, such as "image/png"."""
+    """The MIME types of a cell's outputs, such as "image/png"."""
     return {kind for output in cell.outputs for kind in output.get("data", {})}
 
 
 def text_of(cell: NotebookNode) -> str:
-    """The cell's value as text; empty when it has none."""
+    """The cell's value as text; empty without one."""
     values = [each for each in cell.outputs if each.output_type == "execute_result"]
     return values[-1].data.get("text/plain", "") if values else ""
 
 
-# Replays as pages of their own, which the documentation embeds
+# Replays as separate pages, which the documentation embeds
 
 
 def shows_replay(source: str) -> bool:
-    """Whether a cell's value is made by `Replay(...)`, or by a method `replay`."""
+    """Whether a cell's last expression is `Replay(...)` or a call of a method `replay`."""
     if not source.strip() or source.lstrip().startswith(("%", "!")):
         return False
     match ast.parse(source).body[-1:]:
@@ -218,12 +218,12 @@ def shows_replay(source: str) -> bool:
 
 
 def page_of(name: str, number: int) -> str:
-    """What the page of a notebook's replay is called, but for its suffix; they count from 1."""
+    """Name without suffix of the page of a notebook's replay; they are numbered from 1."""
     return f"notebook-{name}-{number}"
 
 
 def write_replays(ran: NotebookNode, name: str, folder: Path) -> None:
-    """Write the page of each replay that a notebook has shown; the folder is made if need be."""
+    """Write the page of each replay in an executed notebook; the folder is created if necessary."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = [cell for cell in code_cells(ran) if shows_replay(cell.source)]
     for number, cell in enumerate(shown, 1):

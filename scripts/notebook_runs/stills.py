@@ -1,7 +1,7 @@
-"""Still pictures in place of what only moves while a notebook's kernel runs.
+"""Still pictures in place of outputs that need a running kernel or are too large to store.
 
 A replay's whole page of 3 MB and the frame of a live view become PNG pictures, taken in headless
-Chromium; sliders become a line that says what they are.
+Chromium; sliders become a line of text.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ PIXEL_RATIO = 1.5
 WITHIN_MS = 300_000.0
 
 ROBOT_RED_PIXELS = 5000
-"""How much red there is at least where Baxter's arms are shown."""
+"""Minimum number of red pixels in a picture of Baxter's arms."""
 
 MOMENT = "moment"
-"""In a cell's metadata: when in its replay the picture is taken, as a share of it; or `NEXT`."""
+"""Key in a cell's metadata: the moment of its picture, as a share of the replay; or `NEXT`."""
 
 NEXT = "next"
-"""The picture of a live view is taken when the next cell has run."""
+"""The picture of a live view is taken after the next cell."""
 
 SHOWN_FROM_START = 0.55
 
@@ -55,7 +55,7 @@ SHOW = """
 
 SLIDERS = "application/vnd.jupyter.widget-view+json"
 STILL = "still"
-"""In the metadata of an output that was put in the place of another one: of what."""
+"""Key in the metadata of a replacement output: the kind of output that it replaces."""
 
 CAPTIONS = {
     "replay": "*A still picture: the replay plays when the cell is run, and on the documentation"
@@ -66,7 +66,7 @@ CAPTIONS = {
 
 
 def chromium_on_path() -> str | None:
-    """Where it is; None where there is none, so that Playwright takes its own."""
+    """Path of an installed Chromium; None makes Playwright use its own."""
     return next(filter(None, map(shutil.which, CHROMIUM)), None)
 
 
@@ -75,7 +75,7 @@ def photographer() -> Callable[..., Awaitable[None]]:
     waiting: list[NotebookNode] = []
 
     async def after_cell(cell: NotebookNode, **_: Any) -> None:
-        """Replace those of a cell that has just run, and of one that waited for it."""
+        """Replace the outputs of this cell, and of the previous one if it waited."""
         ready = [*waiting, *([] if cell.metadata.get(MOMENT) == NEXT else [cell])]
         waiting[:] = [cell] if cell not in ready else []
         for each in ready:
@@ -88,7 +88,7 @@ def photographer() -> Callable[..., Awaitable[None]]:
 
 
 async def _still(cell: NotebookNode, output: NotebookNode) -> list[NotebookNode]:
-    """What stands in the place of an output."""
+    """The outputs that replace an output."""
     frame = FRAME.search(_text(output))
     if _is_slider(output):
         return [_caption("sliders")]
@@ -103,7 +103,7 @@ async def _still(cell: NotebookNode, output: NotebookNode) -> list[NotebookNode]
 
 
 async def _picture(what: str, kind: str, share: Any) -> str:
-    """A page or an address as a PNG, in base64."""
+    """Picture of a page (its text or its address): a PNG in base64."""
     with TemporaryDirectory() as folder:
         async with async_playwright() as playwright:
             path = chromium_on_path()
@@ -126,7 +126,7 @@ async def _picture(what: str, kind: str, share: Any) -> str:
 
 
 async def _settled(page: Page) -> bytes:
-    """The page when it shows the robot and looks the same for a while."""
+    """Screenshot of the page as soon as it shows the robot and does not change any more."""
     before, shot = b"", await page.screenshot()
     while before != shot or _red_pixels(shot) < ROBOT_RED_PIXELS:
         await asyncio.sleep(1.0)

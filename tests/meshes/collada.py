@@ -24,7 +24,8 @@ SINGLE_M = 1e-7
 def read_collada(path: Path) -> tuple[FloatArray, Indices]:
     """Vertices, shape (n, 3), m, and triangles, shape (m, 3), of the scene of a file.
 
-    Lines are left out, and triangles with two corners in one point.
+    Each triangle has corners of its own. Lines are left out, and triangles with two corners in one
+    point.
     """
     corners = [np.zeros((0, 3, 3))]
     with warnings.catch_warnings():
@@ -37,5 +38,5 @@ def read_collada(path: Path) -> tuple[FloatArray, Indices]:
                     corners.append(np.asarray(part.vertex, np.float64)[part.vertex_index])
     found = np.concatenate(corners) * (document.assetInfo.unitmeter or 1.0)
     is_flat = (found == found[:, [1, 2, 0]]).all(axis=2).any(axis=1)
-    vertices, triangles = np.unique(found[~is_flat].reshape(-1, 3), axis=0, return_inverse=True)
-    return vertices, triangles.reshape(-1, 3)
+    vertices = found[~is_flat].reshape(-1, 3)
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)

@@ -24,7 +24,7 @@ MESHES = sorted(
 
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_the_robots_vertices_are_those_that_pinocchio_reads(path: Path) -> None:
-    ours = read_collada(path)[0]
+    ours = np.unique(read_collada(path)[0], axis=0)
     theirs = np.array(coal.MeshLoader(coal.BV_OBBRSS).load(str(path)).vertices())
     assert cKDTree(theirs).query(ours)[0].max() < SINGLE_M
     assert cKDTree(ours).query(theirs)[0].max() < SINGLE_M

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
+from baxter_kin import IKFailure, IKResult, SeedType
 from baxter_kin.fields import evolve, field_names
 from planner import (
     Body,
@@ -29,7 +29,6 @@ from planner import (
     Manipulator,
     Move,
     Part,
-    PickAndPlace,
     Plan,
     PlanFailure,
     PlannerError,
@@ -40,7 +39,6 @@ from planner import (
     complete,
     load_plan,
     plan_file,
-    plan_pick_and_place,
     save_plan,
     verify,
 )
@@ -138,11 +136,8 @@ def same(first: Any, second: Any) -> bool:
 
 
 @pytest.fixture(scope="module")
-def plan(manipulator: Manipulator, scene: Scene) -> Plan:
-    down = (0.0, 1.0, 0.0, 0.0)
-    pick, place = (pose_from_quaternion(p, down) for p in ((0.70, 0.15, -0.129), (0.75, 0, -0.129)))
-    task = PickAndPlace("block", pick, place)
-    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
+def plan(tracked_plan: Plan) -> Plan:
+    return tracked_plan
 
 
 @pytest.fixture(scope="module")

@@ -5,17 +5,10 @@ from __future__ import annotations
 import pytest
 
 from baxter_kin.fields import evolve
-from planner import Manipulator, PickAndPlace, Plan, Response, Scene, plan_pick_and_place, verify
+from planner import Plan, Response, verify
 from planner.verification import Certificate
-from tests.conftest import overhead
 
 NAMES = ("tracking: clearance", "tracking: tip off its path", "tracking: tip off its goal")
-
-
-@pytest.fixture(scope="module")
-def tracked_plan(manipulator: Manipulator, scene: Scene) -> Plan:
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.start)
 
 
 @pytest.fixture(scope="module")
