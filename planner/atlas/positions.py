@@ -19,15 +19,15 @@ from baxter_kin.validation import (
 )
 from planner.errors import AtlasError
 
-MOST_A_SIDE = 10_000
+MAX_POINTS_PER_SIDE = 10_000
 
 BLOCK_EDGE = 8
 """Positions along each side of a block in most grids; one task computes one block."""
 
-MOST_CELLS_A_BLOCK = 600_000
+MAX_CELLS_PER_BLOCK = 600_000
 """Maximum number of positions times rotations in a block, as a worker holds them in memory."""
 
-LEAST_BLOCKS = 4096
+MIN_BLOCKS = 4096
 """Minimum number of blocks with an edge above `BLOCK_EDGE`, so that workers can share them."""
 
 
@@ -45,19 +45,21 @@ class PositionGrid:
 
     Raises:
         AtlasError: when the step is not above zero, or a side has no point or more than
-            `MOST_A_SIDE`.
+            `MAX_POINTS_PER_SIDE`.
     """
 
     step_m: float = scalar(above=0.0)
     first: tuple[int, ...]
     shape: tuple[int, ...]
-    block_edge: int = integer(least=1, most=MOST_A_SIDE, default=BLOCK_EDGE, eq=False)
+    block_edge: int = integer(least=1, most=MAX_POINTS_PER_SIDE, default=BLOCK_EDGE, eq=False)
 
     def __attrs_post_init__(self) -> None:
         if len(self.first) != 3 or len(self.shape) != 3:
             raise AtlasError(f"first and shape have three numbers, got {self.first}, {self.shape}")
         for number in self.shape:
-            whole_scalar(number, "points along each side", AtlasError, least=1, most=MOST_A_SIDE)
+            whole_scalar(
+                number, "points along each side", AtlasError, least=1, most=MAX_POINTS_PER_SIDE
+            )
 
     @classmethod
     def within(cls, low_m: ArrayLike, high_m: ArrayLike, step_m: float) -> PositionGrid:
@@ -95,14 +97,14 @@ class PositionGrid:
     def in_blocks_for(self, rotations: int) -> PositionGrid:
         """The same grid with the block size for a number of rotations.
 
-        With many rotations the edge is below `BLOCK_EDGE`, as `MOST_CELLS_A_BLOCK` requires. With
+        With many rotations the edge is below `BLOCK_EDGE`, as `MAX_CELLS_PER_BLOCK` requires. With
         few it is above on large grids, which saves files.
         """
         edge = BLOCK_EDGE
-        while edge > 1 and edge**3 * rotations > MOST_CELLS_A_BLOCK:
+        while edge > 1 and edge**3 * rotations > MAX_CELLS_PER_BLOCK:
             edge //= 2
-        while (2 * edge) ** 3 * rotations <= MOST_CELLS_A_BLOCK and (
-            len(self) >= LEAST_BLOCKS * (2 * edge) ** 3
+        while (2 * edge) ** 3 * rotations <= MAX_CELLS_PER_BLOCK and (
+            len(self) >= MIN_BLOCKS * (2 * edge) ** 3
         ):
             edge *= 2
         return evolve(self, block_edge=edge)

@@ -40,22 +40,20 @@ COMMANDS = {name.removesuffix(".__main__") for name in SCRIPTS} | {
 log = logging.getLogger("baxter_kin.somewhere")
 
 
-def test_what_is_logged_in_the_meantime_is_shown() -> None:
-    said: list[str] = []
-    complaints: list[str] = []
-    with log_shown(said.append, complaints.append):
+def test_what_the_packages_log_in_the_meantime_is_shown() -> None:
+    infos: list[str] = []
+    warnings: list[str] = []
+    logger = logging.getLogger("baxter_kin")
+    before = logger.level, list(logger.handlers)
+    with log_shown(infos.append, warnings.append, ("baxter_kin", "sim.ros1")):
         log.debug("a detail")
         log.info("compiling with %s", "cc")
         log.warning("not compiled")
-    log.info("later")
-    assert (said, complaints) == (["compiling with cc"], ["not compiled"])
-
-
-def test_what_others_log_is_not_shown() -> None:
-    said: list[str] = []
-    with log_shown(said.append, said.append):
+        logging.getLogger("sim.ros1.robot").info("two")
         logging.getLogger("somebody_else").warning("something")
-    assert said == []
+    log.info("later")
+    assert (infos, warnings) == (["compiling with cc", "two"], ["not compiled"])
+    assert (logger.level, logger.handlers) == before
 
 
 def test_progress_is_for_terminals_and_for_who_wants_it(
@@ -73,22 +71,6 @@ def test_progress_is_for_terminals_and_for_who_wants_it(
             time.sleep(0.11)
             advance(2)
         assert ("info:  67%" in capsys.readouterr().err) == is_shown
-
-
-def test_the_logger_is_left_as_it_was() -> None:
-    logger = logging.getLogger("baxter_kin")
-    before = logger.level, list(logger.handlers)
-    with log_shown(print, print):
-        pass
-    assert (logger.level, logger.handlers) == before
-
-
-def test_several_packages_are_shown_where_that_is_asked_for() -> None:
-    said: list[str] = []
-    with log_shown(said.append, said.append, ("baxter_kin", "sim.ros1")):
-        log.info("one")
-        logging.getLogger("sim.ros1.robot").info("two")
-    assert said == ["one", "two"]
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -81,8 +81,9 @@ def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
         codes[np.ix_(*place)] = margins
         order.append(numbers[np.ix_(*place)][0][margins >= 0])
         witnesses.append(steps[margins >= 0])
-    q: FloatArray = RAD_PER_STEP * np.concatenate(witnesses)[np.argsort(np.concatenate(order))]
+    in_order = np.concatenate(witnesses)[np.argsort(np.concatenate(order))]
     low_m = grid.point([int(axis[0]) for axis in axes])
+    q = RAD_PER_STEP * in_order.astype(np.float64)
     return ShownMap(every, low_m, every * grid.step_m, codes, q)
 
 

@@ -35,13 +35,13 @@ from planner import Body, Scene, State
 from sim.errors import ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import recorded_move
-from sim.view.encoding import encoded
-from sim.view.gripper_status import GripperPhase
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
 from sim.view.live.server import LiveServer
 from sim.view.live.shown_run import ShownRun
+from sim.view.panel import GripperPhase
 from sim.view.replay import FRAME_HEIGHT_PX, Replay, replay_content
+from sim.view.webpage import encoded
 
 MAX_WAIT_S = 86_400.0
 _EMPTY = State(Scene({}), {})

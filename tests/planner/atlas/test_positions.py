@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner.atlas import PositionGrid
-from planner.atlas.positions import BLOCK_EDGE, LEAST_BLOCKS, MOST_CELLS_A_BLOCK
+from planner.atlas.positions import BLOCK_EDGE, MAX_CELLS_PER_BLOCK, MIN_BLOCKS
 from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 
@@ -40,11 +40,11 @@ def test_blocks_fit_into_memory_and_are_as_few_as_allowed(
     grid = PositionGrid(0.1, (0, 0, 0), (side, other, 7)).in_blocks_for(rotations)
     assert grid == PositionGrid(0.1, (0, 0, 0), (side, other, 7))
     edge = grid.block_edge
-    assert edge == 1 or edge**3 * rotations <= MOST_CELLS_A_BLOCK
+    assert edge == 1 or edge**3 * rotations <= MAX_CELLS_PER_BLOCK
     if edge < BLOCK_EDGE:
-        assert (2 * edge) ** 3 * rotations > MOST_CELLS_A_BLOCK
+        assert (2 * edge) ** 3 * rotations > MAX_CELLS_PER_BLOCK
     if edge > BLOCK_EDGE:
-        assert len(grid) >= LEAST_BLOCKS * edge**3
+        assert len(grid) >= MIN_BLOCKS * edge**3
 
 
 def test_the_largest_grids_have_millions_of_blocks_at_most() -> None:

@@ -145,7 +145,7 @@ def test_a_rotation_is_chosen_and_coloured_by_margin(shown: Watched, small_map: 
     assert np.array_equal(levels[best >= 0], best[best >= 0] // 100 + 3)
 
 
-def test_words_tell_pose_status_and_margin(shown: Watched, small_map: ReachMap) -> None:
+def test_the_panel_shows_pose_status_and_margin(shown: Watched, small_map: ReachMap) -> None:
     shown.run("chooseMap({arm: 'left', direction: 0, roll: 2})")
     cell = small_map.cell("left", (2, 3, 1), 2)
     assert cell.margin_rad is not None
@@ -210,7 +210,7 @@ def test_keys_choose_arms_and_extents(shown: Watched) -> None:
         assert shown.page.is_checked(f"#extents input[value={extent}]")
 
 
-def test_extents_draw_what_they_say(shown: Watched) -> None:
+def test_extents_draw_their_layers(shown: Watched) -> None:
     heights = "[...new Set(drawn.boxes.map(({place}) => indicesOf(place)[2]))].sort().join()"
     for extent, drawn in (("slice", "1"), ("below", "0,1"), ("whole", "0,1,2")):
         shown.page.check(f"#extents input[value={extent}]")
@@ -255,7 +255,7 @@ def test_the_robot_and_the_map_are_drawn(shown: Watched) -> None:
     assert int(((green > red + 25) & (blue > red)).sum()) < tiles / 4
 
 
-def test_the_page_asks_nobody_and_complains_of_nothing(shown: Watched, page_file: Path) -> None:
+def test_the_page_makes_no_requests_and_logs_no_errors(shown: Watched, page_file: Path) -> None:
     assert shown.errors == []
     asked = [url for url in shown.requests if not url.startswith(("data:", "blob:"))]
     assert asked == [page_file.as_uri()]

@@ -51,7 +51,7 @@ def test_the_chain_is_pinocchios(robot: Baxter) -> None:
         assert error[0] == pytest.approx([1e-3, 0, 0, 1e-3, -2e-3, 3e-3], abs=EXACT)
 
 
-def test_every_witness_comes_back(small_map: ReachMap, shown: ShownMap) -> None:
+def test_every_packed_witness_is_found_again(small_map: ReachMap, shown: ShownMap) -> None:
     """Unpacked in the plainest way, cell by cell, and judged by Pinocchio."""
     q_near = np.array(list(read_one_by_one(small_map, shown)))
     Ts = np.tile(np.eye(4), (len(q_near), 1, 1))
