@@ -310,10 +310,9 @@ class RedundancyMap(BlockMap):
                 "map's poses; subset has their indices"
             )
         at = [axis.index(i) for i, axis in zip(given, axes, strict=True)]
+        arm = self._arm_index(side)
         with explained(self.path):
-            stored = np.asarray(
-                self._layers[0][(self._arm_index(side), *at[:3], slice(None), at[3])]
-            )
+            stored = np.asarray(self._layers[0][(arm, *at[:3], slice(None), at[3])])
         T = pin.SE3(self._Rs[at[3]], self._step_m * (self._first + np.array(position)))
         code = int(stored[0])
         if code < 0:
