@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib.util
 import logging
 import math
 import os
@@ -542,6 +543,42 @@ def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
         # end by the signal instead of with the status, although it was handled.
         os._exit(status)
     sys.exit(status)
+
+
+SHOWN_EVERY_S = 0.1, 60.0
+"""Interval of progress on a terminal, and elsewhere, as in the log of a batch system."""
+
+
+@contextmanager
+def progress(
+    title: str, total: int, unit: str, *, is_quiet: bool = False
+) -> Iterator[Callable[[int], object]]:
+    """Show on stderr how much is done and the remaining time, by tqdm if it is installed.
+
+    Gives a function of the number of units that were done since its last call.
+
+    Args:
+        title: what is done.
+        total: number of all units.
+        unit: such as "block".
+        is_quiet: whether to show nothing.
+    """
+    if is_quiet or importlib.util.find_spec("tqdm") is None:
+        yield lambda _: None
+        return
+    from tqdm import tqdm  # noqa: PLC0415 - only when shown
+
+    every_s = SHOWN_EVERY_S[not sys.stderr.isatty()]
+    with tqdm(
+        desc=title,
+        total=total,
+        unit=f" {unit}s",
+        delay=every_s,
+        mininterval=every_s,
+        leave=False,
+        file=sys.stderr,
+    ) as bar:
+        yield bar.update
 
 
 @contextmanager

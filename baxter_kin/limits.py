@@ -139,10 +139,6 @@ class JointLimits:
         a_max: maximum accelerations, shape (n,), rad/s^2, above zero.
         j_max: maximum jerks, shape (n,), rad/s^3, above zero.
         origins: the sources of "position", "velocity", "acceleration" and "jerk".
-
-    Raises:
-        LimitsError: when a shape does not fit, a number is not finite, a range is empty, or a
-            velocity, acceleration or jerk limit is not above zero.
     """
 
     names: tuple[str, ...] = field(converter=_to_names)
@@ -168,9 +164,6 @@ class JointLimits:
 
         Args:
             speed_ratio: in (0, 1], like the original demo's speed ratio.
-
-        Raises:
-            LimitsError: when the ratio is outside (0, 1].
         """
         ratio = positive_scalar(speed_ratio, "speed ratio", LimitsError)
         if ratio > 1.0:
@@ -182,10 +175,6 @@ class JointLimits:
         """One phrase for each joint of `q`, shape (n,), that is outside its range.
 
         Every phrase names joint, value and range in rad; `tolerance` widens the ranges.
-
-        Raises:
-            ConfigurationError: when the shape is wrong, a number is not finite, or the tolerance is
-                negative or not finite.
         """
         q_given = finite_array(q, (len(self.names),), "q", ConfigurationError)
         return self._violations(q_given, _checked_tolerance(tolerance))

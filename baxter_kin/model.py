@@ -73,20 +73,11 @@ class Baxter:
         return tuple(self.model.names)[1:]
 
     def arm(self, side: str) -> Arm:
-        """The arm of that side.
-
-        Raises:
-            UnknownNameError: when `side` is neither "left" nor "right".
-        """
+        """The arm of that side."""
         return self.arms[known_limb(side)]
 
     def configuration(self, joints: Mapping[str, float] | None = None) -> FloatArray:
-        """A full configuration, rad and m: neutral arms, closed hands, then `joints`.
-
-        Raises:
-            UnknownNameError: when a name is not a joint of the robot.
-            ConfigurationError: when a value is not finite.
-        """
+        """A full configuration, rad and m: neutral arms, closed hands, then `joints`."""
         values = dict.fromkeys(self.joint_names, 0.0)
         for arm in self.arms.values():
             values.update(arm.joints(arm.neutral))
@@ -100,11 +91,7 @@ class Baxter:
         return finite_array(list(values.values()), (count,), "joints", ConfigurationError)
 
     def indices(self, names: tuple[str, ...]) -> tuple[int, ...]:
-        """Where those joints stand in a full configuration.
-
-        Raises:
-            UnknownNameError: when a name is not a joint of the robot.
-        """
+        """Where those joints stand in a full configuration."""
         positions = {name: i for i, name in enumerate(self.joint_names)}
         for name in expect(names, tuple, "names", ConfigurationError):
             if not isinstance(name, str) or name not in positions:

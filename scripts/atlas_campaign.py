@@ -60,11 +60,11 @@ class Build:
     """A running command of `planner.atlas`."""
 
     def __init__(self, words: Sequence[str]) -> None:
-        self.words, self._said = words, tempfile.TemporaryFile()  # noqa: SIM115 - as long as it runs
+        self.words, self._output = words, tempfile.TemporaryFile()  # noqa: SIM115 - as long as it runs
         self.process = subprocess.Popen(
             [sys.executable, "-m", "planner.atlas", *words],
             stdin=subprocess.DEVNULL,
-            stdout=self._said,
+            stdout=self._output,
             stderr=subprocess.STDOUT,
         )
 
@@ -89,19 +89,21 @@ class Build:
         for each in reversed(everyone):
             with suppress(psutil.NoSuchProcess):
                 each.kill()
-        self.process.wait()
+        self.said()
         return len(everyone)
 
     def said(self) -> str:
         """Wait for its end and return its output."""
         self.process.wait()
-        self._said.seek(0)
-        return self._said.read().decode()
+        with self._output as output:
+            output.seek(0)
+            return output.read().decode()
 
     def finished(self) -> None:
         """Wait for its end; exits when it has failed."""
-        if self.process.wait() != 0:
-            raise SystemExit(f"{' '.join(self.words)} has failed:\n{self.said()[-3000:]}")
+        said = self.said()
+        if self.process.returncode != 0:
+            raise SystemExit(f"{' '.join(self.words)} has failed:\n{said[-3000:]}")
 
     def peaks_mb(self, stop_s: float | None = None) -> tuple[float, float]:
         """Peak memory of it and of any descendant until it ends, or is interrupted as by Ctrl-C."""
@@ -283,10 +285,11 @@ def told(
     """Run a command and print its peaks; whether it succeeds within the bound."""
     build = Build(words)
     client_mb, worker_mb = build.peaks_mb(stop_s)
+    said = build.said()[-3000:]
     print(f"{title}: client {client_mb:.0f} MB, workers {worker_mb:.0f} MB", flush=True)
     is_right = build.process.returncode in (status, 130 if stop_s else status)
     if shows or not is_right:
-        print(f"  exit status {build.process.returncode}: {build.said()[-3000:]}")
+        print(f"  exit status {build.process.returncode}: {said}")
     return is_right and max(client_mb, worker_mb) <= MAX_MB
 
 

@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import multiprocessing
 import os
 import resource
+import signal
 import sys
 import tempfile
 import time
@@ -30,7 +32,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import psutil
 from fuzzing.targets import OURS, Target, all_targets, properties_of
 from fuzzing.values import FILLER, HOSTILE, forget, hostile, receivers, valid
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -66,6 +67,9 @@ MAX_MESSAGE, QUOTED = 3_000, 200
 
 ITEMS = 3
 """Number of results taken from a returned iterator."""
+
+HANGS = {signal.SIGXCPU: "hang", signal.SIGALRM: "standstill"}
+"""Signals by which the kernel ends a process, and what they mean."""
 
 REFUSED, RETURNED, NOT_CALLED = "refused", "returned", "TypeError at the call"
 
@@ -103,7 +107,7 @@ class Report(NamedTuple):
 
 
 Work = Callable[[Connection, Sequence[str], int, int, Path], None]
-"""The main function of a process: it announces each call, and sends a report after it."""
+"""The main function of a process: it announces targets and calls, and reports on each call."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -149,65 +153,29 @@ def run(
     """
     context, left = multiprocessing.get_context("spawn"), list(names)
     while left:
-        here, there = context.Pipe()
+        here, there = context.Pipe(duplex=False)
         words = (there, left, each, number, folder)
         worker = context.Process(target=work or make_calls, args=words, daemon=True)
         worker.start()
         there.close()
+        target = call = ""
         try:
-            for report in _watched(here, psutil.Process(worker.pid)):
-                if isinstance(report, Report):
-                    yield report
-                else:
-                    left.remove(report)  # a finished target
+            while True:
+                kind, value = here.recv()
+                target, call = (value, "") if kind == "target" else (target, value)
+                if kind == "report":
+                    yield value
+                    call = ""
+        except (EOFError, ConnectionResetError):
+            worker.join()
         finally:
             worker.kill()
-            worker.join()
             here.close()
-
-
-def _watched(here: Connection, process: psutil.Process) -> Iterator[Report | str]:
-    """The reports of a process, and the name of each finished target."""
-    target, call = "", ""
-    while True:
-        computed_s = _awaited(here, process, LIMIT_S if call else PREPARATION_S)
-        if computed_s is not None:
-            yield Report("hang", call or target, computed_s, f"hang after {computed_s:.1f} s")
-            break
-        try:
-            kind, told = here.recv()
-        except (EOFError, ConnectionResetError):
-            yield Report("crash", call or target, fault="crash")
-            break
-        call = ""
-        if kind == "target":
-            target = told
-        elif kind == "call":
-            call = told
-        elif kind == "report":
-            yield told
-        else:
-            yield target
-            if kind == "end":
-                return
-    yield target
-
-
-def _awaited(here: Connection, process: psutil.Process, limit_s: float) -> float | None:
-    """Wait for a message; None, or the processor time spent when none arrived within the limit."""
-    begun_s, spent_s = time.monotonic(), _spent_s(process)
-    while not here.poll(0.2):
-        computed_s, waited_s = _spent_s(process) - spent_s, time.monotonic() - begun_s
-        if computed_s > limit_s or waited_s > limit_s + STANDSTILL_S:
-            return computed_s
-    return None
-
-
-def _spent_s(process: psutil.Process) -> float:
-    with contextlib.suppress(psutil.Error):
-        times = process.cpu_times()
-        return float(times.user + times.system)
-    return 0.0
+        if worker.exitcode == 0:
+            return
+        kind = HANGS.get(-(worker.exitcode or 0), "crash")
+        yield Report(kind, call or target or left[0], fault=kind)
+        left = left[left.index(target) + 1 :] if target else left[1:]
 
 
 def make_calls(
@@ -218,18 +186,28 @@ def make_calls(
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     targets = {target.name: target for target in all_targets()}
+
+    def judge(call: Call) -> None:
+        there.send(("call", call.text))
+        limit(LIMIT_S)
+        begun_s = time.process_time()
+        kind, fault = judged(call)
+        spent_s = time.process_time() - begun_s
+        limit(PREPARATION_S)
+        there.send(("report", Report(kind, call.text, spent_s, fault)))
+
     for name in names:
         there.send(("target", name))
-
-        def judge(call: Call) -> None:
-            there.send(("call", call.text))  # from now on the time counts
-            begun_s = time.process_time()
-            kind, fault = judged(call)
-            spent_s = time.process_time() - begun_s
-            there.send(("report", Report(kind, call.text, spent_s, fault)))
-
+        limit(PREPARATION_S)
         drawn(targets[name], each, number, judge)
-        there.send(("end" if name == names[-1] else "done", name))
+
+
+def limit(seconds: float) -> None:
+    """Have the kernel end this process after more processor time, or a longer standstill."""
+    ends_s = math.ceil(time.process_time() + seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (ends_s, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.alarm(math.ceil(seconds + STANDSTILL_S))
 
 
 # Calls

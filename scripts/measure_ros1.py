@@ -41,14 +41,11 @@ from sim.ros1.definitions import MESSAGES, SERVICES, message_type, service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
 from sim.simulation import Dwell
-from tests.sim.ros1.debian import generate_classes
+from tests.sim.ros1.debian import PYTHON, environment, generate_classes
 
 LIMBS = ("left", "right")
 CORE = "baxter_core_msgs"
 LOOPBACK = "127.0.0.1"
-PYTHON = "/usr/bin/python3"
-"""Debian's, which has rospy."""
-
 TICK_S = 0.01
 WITHIN_S = 60.0
 URI = re.compile(r"ROS_MASTER_URI=(http://\S+)")
@@ -525,11 +522,9 @@ rospy.signal_shutdown("done")
 
     def __init__(self, master_uri: str, topics: Mapping[str, str], classes: Path) -> None:
         """Start it and wait until it is connected to all topics, given with their types."""
-        kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS")}
-        ros = {"ROS_MASTER_URI": master_uri, "ROS_IP": LOOPBACK, "PYTHONPATH": str(classes)}
         self._process = subprocess.Popen(
             [PYTHON, "-c", self.SCRIPT, *(f"{topic}={name}" for topic, name in topics.items())],
-            env=kept | ros,
+            env=environment(master_uri, classes),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""An hour of the original demo's traffic against the simulated Baxter: its memory, its rates.
+"""Drive the simulated Baxter for an hour as the original demo does; print its memory and rates.
 
 Starts `python -m sim.ros1.robot` in a process of its own and does what the original demo does, in a
 client of our own: joint commands at 100 Hz that creep towards what the IK service answered, gripper
@@ -30,7 +30,7 @@ DOWN = dict(zip("xyzw", (-0.02495896, 0.99964940, 0.00737918, 0.00486451), stric
 BLOCKS = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 HOVER_M, NEAR_RAD, TIMEOUT_S, DWELL_S, PERIOD_S = 0.15, 0.0087, 15.0, 1.0, 0.01
 CREEP = 0.0125
-"""Of the way from the last command to the goal, at every command."""
+"""Share of the way from the last command to the goal per command."""
 
 MAX_GROWTH_MB = 15.0
 """From the fifth minute on; it was 1.3 MB in an hour."""
@@ -44,7 +44,7 @@ class Watch:
         self.q: dict[str, float] = {}
 
     def heard(self, received: Received) -> None:
-        """Keep one message."""
+        """Store one message."""
         self.times.append(received.time_s)
         self.q.update(zip(received.message.name, received.message.position, strict=True))
 
@@ -56,7 +56,7 @@ class Watch:
 
 
 class Demo:
-    """Pick and place, over and over, as the original does it."""
+    """Repeats pick and place as the original demo does."""
 
     def __init__(self, node: Node, watch: Watch) -> None:
         self._watch, self._node, self._sequence = watch, node, itertools.count(1)
@@ -71,7 +71,7 @@ class Demo:
         self.moves = self.timeouts = self.unsolved = 0
 
     def cycles(self, until_s: float) -> None:
-        """Pick at one pose and place at the next until it is time."""
+        """Pick at one pose and place at the next until a time."""
         for _ in range(20):
             self._enable.publish(self._enable.type.make(data=True))
             time.sleep(0.05)

@@ -1,13 +1,13 @@
-"""Certified plans with one thing changed: what the checker makes of them.
+"""Change one thing in certified plans, and check that no wrong plan remains certified.
 
     python scripts/try_mutants.py --count 10000 --seed 35
 
-A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed, at
-random. A mutant must be refused in one sentence, or be certified rightly: then the referee
-(`referee`), which shares nothing with the checker, must have nothing against it either, and a
-changed robot must reach the same poses. Afterwards files without end are tried by the command, each
-in a process of its own. Ends with status 1 when a mutant was certified wrongly, was answered by
-anything but one sentence, took longer than `MAX_S`, or took more than `MAX_BYTES` of memory.
+A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed at
+random. A mutant must be refused in one sentence, or be certified correctly: then the independent
+referee (`referee`) must accept it, too, and a changed robot must reach the same poses. Afterwards
+huge files are checked by the command, each in a separate process. The exit status is 1 when a
+mutant is certified wrongly, is refused by anything but one sentence, or takes longer than `MAX_S`
+or more memory than `MAX_BYTES`.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from planner.verification import certificate_of
 MAX_S, MAX_BYTES = 10.0, 500 * 2**20
 
 SAME_M = 1e-5
-"""How far a changed robot may reach elsewhere, for a plan that is certified for it."""
+"""Maximum change of the tip's position of a changed robot whose plan is certified."""
 
 Data = dict[str, Any]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try mutants and print what came of them; 1 when something is wrong."""
+    """Check mutants and print a summary; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=35)
@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def certified_plans(seed: int, count: int) -> Iterator[Data]:
-    """Documents of plans of all families, each with its certificate."""
+    """Documents of certified plans of all families."""
     families, number = list(FAMILIES), 0
     while count:
         plan = planned(make_problem(families[number % len(families)], number, seed))
@@ -94,7 +94,7 @@ def certified_plans(seed: int, count: int) -> Iterator[Data]:
 
 
 class Mutant:
-    """A plan file and a URDF, of which one thing is changed."""
+    """A plan file and a URDF, in which one thing is changed."""
 
     def __init__(self, document: Data, urdf: str) -> None:
         self.document, self.urdf = document, urdf
@@ -106,7 +106,7 @@ class Mutant:
         return json.dumps(self.document).encode() if self.content is None else self.content
 
 
-# What is changed
+# Mutations
 
 
 def _leaves(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -130,7 +130,7 @@ def _pick(rng: np.random.Generator, of: list[Any]) -> Any:
 
 
 def _changed(rng: np.random.Generator, value: float) -> float:
-    """Another number: nearly the same, of another sign, or none at all."""
+    """A different number: nearly the same, of opposite sign, zero, or an extreme value."""
     nearly = value * (1.0 + 10.0 ** rng.uniform(-12.0, 0.0))
     off = value + 10.0 ** rng.uniform(-9.0, 1.0) * rng.choice([-1.0, 1.0])
     odd = float(rng.choice([np.nan, np.inf, 1e308, -1e308, 5e-324, 1e5]))
@@ -138,7 +138,7 @@ def _changed(rng: np.random.Generator, value: float) -> float:
 
 
 def change_number(rng: np.random.Generator, mutant: Mutant) -> str:
-    """One number of the plan, of its states or of its certificate."""
+    """Change a number of the plan, of its states or of its certificate."""
     data = mutant.document[part := _pick(rng, ["plan", "plan", "states", "certificate"])]
     numbers = [p for p in _leaves(data) if type(_holder(data, p)[p[-1]]) in (float, int)]
     path = _pick(rng, numbers)
@@ -148,7 +148,7 @@ def change_number(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_entry(rng: np.random.Generator, mutant: Mutant) -> str:
-    """One entry is gone, twice there, or of another type."""
+    """Remove or duplicate an entry, or change its type."""
     path = _pick(rng, list(_leaves(mutant.document)))
     path = path[: int(rng.integers(1, len(path) + 1))]
     holder, key = _holder(mutant.document, path), path[-1]
@@ -164,7 +164,7 @@ def change_entry(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_byte(rng: np.random.Generator, mutant: Mutant) -> str:
-    """The file is cut off, or one byte of it is another."""
+    """Truncate the file, or change a byte."""
     content = bytearray(mutant.file)
     at = int(rng.integers(len(content)))
     if rng.random() < 0.3:
@@ -176,7 +176,7 @@ def change_byte(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_trace(rng: np.random.Generator, mutant: Mutant) -> str:
-    """A letter or a direction of the certificate."""
+    """Change a letter or a direction of the certificate."""
     certificate = mutant.document["certificate"]
     columns = [key for key in ("letters", "directions", "fine") if len(_unpacked(certificate[key]))]
     key = _pick(rng, columns)
@@ -188,7 +188,7 @@ def change_trace(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_robot(rng: np.random.Generator, mutant: Mutant) -> str:
-    """A number of the URDF."""
+    """Change a number of the URDF."""
     numbers = list(re.finditer(r"(?<=[\" ])-?\d+\.?\d*(?:e-?\d+)?(?=[\" ])", mutant.urdf))
     found = _pick(rng, numbers)
     other = repr(_changed(rng, float(found[0])))
@@ -209,18 +209,18 @@ def _unpacked(text: str) -> bytes:
     return zlib.decompress(base64.b64decode(text))
 
 
-# What must come of it
+# Verdicts
 
 
 def judged(mutant: Mutant, body: Body) -> str:
-    """What the checker says; WRONG where it should have said something else."""
+    """The verdict of the checker; it starts with WRONG if it is wrong."""
     try:
         document = read_plan(mutant.file)
         stock = mutant.urdf == RobotDescription.of().text
         check(document, mutant.urdf, body=body if stock else None)
     except NotCertifiedError as reason:
         return f"refused: {reason}" if "\n" not in str(reason) else f"WRONG: {reason}"
-    except Exception as cause:  # whichever it is, it is wrong
+    except Exception as cause:  # any exception is wrong
         return f"WRONG: {type(cause).__name__}: {cause}"
     if not stock:
         try:
@@ -248,7 +248,7 @@ def _loaded(document: Data) -> Plan:
 
 
 def _moved_m(document: Any, urdf: str) -> float:
-    """How far the tip of a changed robot is elsewhere, at most, at the knots of a plan."""
+    """Maximum change of the tip's position at the knots of a plan, for a changed robot."""
     model, stock = (pin.buildModelFromXML(x) for x in (urdf, RobotDescription.of().text))
     tip, most = f"{document['plan']['limb']}_gripper", 0.0
     for step in document["plan"]["steps"]:
@@ -267,7 +267,7 @@ def _tip_m(model: pin.Model, tip: str, names: list[str], q: list[float]) -> Any:
     return data.oMf[model.getFrameId(tip)].translation
 
 
-# Files without end
+# Huge files
 
 
 COMMAND = """
@@ -277,11 +277,11 @@ status = main(sys.argv[1:])
 peak = next(x for x in open("/proc/self/status") if x.startswith("VmHWM"))
 print(peak.split()[1])
 """
-"""The peak of memory is that of this very program, not of the one that starts it."""
+"""Prints its own peak memory, in kB, after the output of the command."""
 
 
 def by_command(content: bytes, urdf: str) -> tuple[float, int, str]:
-    """Check a file by the command: how long it took, its peak of memory, and what it said."""
+    """Check a file by the command: its time (s), peak memory (bytes) and output."""
     with tempfile.TemporaryDirectory() as folder:
         plan, robot = Path(folder, "plan.json"), Path(folder, "robot.urdf")
         plan.write_bytes(content)
@@ -295,13 +295,13 @@ def by_command(content: bytes, urdf: str) -> tuple[float, int, str]:
 
 
 def endless_files(document: Data) -> Iterator[tuple[str, bytes]]:
-    """Of each, its name and content."""
+    """Descriptions and contents of huge files."""
 
     def packed(content: bytes) -> str:
         return base64.b64encode(zlib.compress(content, 9)).decode()
 
     def changed(change: Callable[[Data, Data], object]) -> bytes:
-        """The file after a change, which takes the document and the bodies of its scene."""
+        """The file after a change of the document and the bodies of its scene."""
         data = copy.deepcopy(document)
         change(data, data["plan"]["start"]["scene"]["bodies"])
         return json.dumps(data).encode()

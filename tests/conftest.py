@@ -19,7 +19,7 @@ from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
 from baxter_kin.description import StockFiles
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS
-from planner import Body, Manipulator, Scene, State, load_object
+from planner import Body, Manipulator, Scene, State, load_object, plan_pick_and_place
 from planner.collision.robot.robot_body import RobotBody
 from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
@@ -122,6 +122,16 @@ def block() -> Body:
 @pytest.fixture(scope="session")
 def scene(table: Body, block: Body) -> Scene:
     return Scene.of([table, block])
+
+
+@pytest.fixture(scope="session")
+def specimens(robot: Baxter, ik: IKService, manipulator: Manipulator) -> dict[str, object]:
+    """Objects of all public classes (`tests.specimens`)."""
+    from tests import specimens as module  # noqa: PLC0415 - imports this one
+
+    scene, start = module.SCENE, manipulator.arm.neutral
+    plan = plan_pick_and_place(module.TASK, manipulator, scene, start)
+    return module.specimens_of(robot, ik, manipulator, plan)
 
 
 class SmallDisk(io.FileIO):

@@ -22,9 +22,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -43,7 +42,7 @@ Codes: TypeAlias = NDArray[np.int16]
 Flags: TypeAlias = NDArray[np.bool_]
 
 UNREACHABLE, UNDECIDED, NOT_COMPUTED = -1, -2, -3
-"""What stands in the place of a margin."""
+"""Codes in the place of a margin."""
 
 RAD_PER_STEP = 2.0**-29
 """Of stored witnesses: 1.9e-9 rad, so that 32 bits hold angles up to 4 rad."""
@@ -66,9 +65,8 @@ ENDS_RAD = 1e-8
 _COAXIAL = 1e-9  # how far (m, and of a unit vector) the tool's axis may be from the last joint's
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cells:
-    """What is known of n positions with r rotations each.
+class Cells(NamedTuple):
+    """Results for n positions with r rotations each.
 
     Attributes:
         margins: of the witness to the nearest joint limit, in steps of `RAD_PER_MARGIN`, or

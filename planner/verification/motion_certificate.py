@@ -27,7 +27,6 @@ from baxter_kin.validation import (
     expect,
     expect_all,
     finite_array,
-    finite_rows,
     float_array,
 )
 from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
@@ -131,7 +130,7 @@ class PolynomialMotion:
             TrajectoryError: when shapes do not fit, a number is not finite, or the times do not
                 increase from 0.
         """
-        q = finite_rows(q, ARM_JOINTS, "q", TrajectoryError)
+        q = finite_array(q, (None, ARM_JOINTS), "q", TrajectoryError)
         times_s = finite_array(times_s, (len(q),), "times_s", TrajectoryError)
         if len(q) < 2 or not (np.diff(times_s) > 0.0).all():
             raise TrajectoryError("a motion needs at least two points, at increasing times")
@@ -159,7 +158,7 @@ class PolynomialMotion:
         Raises:
             TrajectoryError: when the shape does not fit or a number is not finite.
         """
-        q = finite_rows(q, ARM_JOINTS, "waypoints", TrajectoryError)
+        q = finite_array(q, (None, ARM_JOINTS), "waypoints", TrajectoryError)
         if len(q) < 2:
             raise TrajectoryError("a path needs at least two waypoints")
         derivatives = np.stack([q[:-1], np.diff(q, axis=0)], axis=1)

@@ -1,10 +1,9 @@
-"""What a link encloses: the volume inside a closed surface a little outside its mesh.
+"""The volume that a link encloses: the inside of a closed surface a little outside its mesh.
 
 Links are hollow covers, open where the next link enters. Plugs close these openings, a filling
 keeps slits and seams from being entered, and CGAL's alpha wrapping (Portaneri et al., "Alpha
 wrapping with an offset", SIGGRAPH 2022; here through pymeshlab) puts a closed surface around all
-of it. It is only asked what is wholly inside, so it need not be as near to the mesh as the
-triangles are.
+of it. It only decides what is completely inside, so it may be less exact than the triangles.
 
 A plug is the hull of what the mesh has inside a box, so it ends flush with the opening's rim, or a
 cylinder a little larger than the disc that turns in a slot. There the other link's cover stands, so
@@ -55,21 +54,21 @@ DISCS: dict[str, tuple[str, tuple[float, float, float], float, float]] = {
     "E0": ("y", (69.0, 0.0, 262.42), 61.0, 34.5),
     "PEDESTAL": ("z", (0.0, 0.0, -370.0), 100.3, 280.0),
 }
-"""Cylinders: axis, centre, radius, half length. For slots, the radius of the disc that turns in."""
+"""Cylinders: axis, centre, radius, half length. For slots, the radius of the rotating disc."""
 
 CORES: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, float], float]]] = {
     "W2": [((-INF, -INF, 90), (INF, INF, 112), 0.92)],
     "electric_gripper_base": [((-21.5, -24.5, -44), (20, 9, 44), 0.95)],
 }
-"""Boxes whose part of the mesh, hulled and shrunk in by that factor, fills a housing."""
+"""Boxes: the hull of the mesh inside, shrunk by the factor, fills a housing."""
 
 BLOCKS: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, float]]]] = {
     "electric_gripper_base": [((-19, 8, -43), (18, 16.5, 43))],
 }
-"""Boxes that are filled as they are."""
+"""Boxes that are filled completely."""
 
 FLOORS = {"PEDESTAL": (-734.0, 4.0)}
-"""Height and thickness of a plate across the outermost outline: the foot is open below."""
+"""Height and thickness of a plate across the outermost outline; the foot is open below."""
 
 
 def plugs(mesh: str) -> F:
@@ -165,18 +164,18 @@ ALPHA = 5.0
 """Radius of the wrap's probe, mm: it enters no opening that is narrower than twice that."""
 
 OFFSET = 0.5
-"""Of the wrap from the mesh, mm."""
+"""Distance of the wrap from the mesh, mm."""
 
 DEVIATION = {"base_link": 2.0, "PEDESTAL": 3.0}
-"""By how much the wrap may be thinned, mm, 0.5 where not named; a point may be missed so far inside
-the mesh, and what is there and touches nothing is smaller still."""
+"""Maximum deviation of the thinned wrap, mm, by default 0.5; points inside the mesh may be missed
+up to this depth."""
 
 FILL = {"base_link": (2.5, 12.0, 6.0), "PEDESTAL": (4.0, 24.0, 11.0)}
 """Voxel, ball and rim of `filling`, mm, where the mesh is large."""
 
 
 def enclosure(mesh: str) -> Mesh:
-    """The closed surface around what a mesh encloses; vertices in mm."""
+    """The closed surface around the volume that a mesh encloses; vertices in mm."""
     solid = np.concatenate([triangles(mesh), plugs(mesh)])
     core = filling(solid, *FILL.get(mesh, (1.5, 8.0, 7.0)))
     vertices, faces = np.unique(

@@ -40,7 +40,7 @@ class Placed(NamedTuple):
 
 
 IN_PLACE_OF = {"extended_wide": "extended_narrow"}
-"""Meshes of what may be mounted on a gripper, and of what on the stock robot instead."""
+"""Meshes that may be mounted on a gripper, and the stock robot's in their place."""
 
 
 @cache
@@ -66,9 +66,9 @@ def triangles(mesh: str) -> F:
 
 
 def placed_shapes() -> Iterator[Placed]:
-    """Every shape that is part of the robot: visuals, and collision shapes of links without.
+    """Every shape of the robot: visuals, and collision shapes of links without visuals.
 
-    Then what may be mounted instead, on both fingers of a hand; see `RobotBody.links` for its name.
+    Then alternatives that may be mounted on both fingers of a hand, named as in `RobotBody.links`.
     """
     shapes = list(_shapes_of_the_urdf())
     yield from shapes
@@ -109,7 +109,7 @@ def samples(soup: F, spacing: float) -> F:
 
 
 def samples_of(soup: F, spacing: float) -> tuple[F, NDArray[np.int64]]:
-    """The same, and the number of the triangle that each is of.
+    """The same points, and the index of the triangle of each.
 
     Triangles are halved until no edge is longer; so there are few points on narrow ones.
     """
@@ -119,7 +119,7 @@ def samples_of(soup: F, spacing: float) -> tuple[F, NDArray[np.int64]]:
 
 
 def divided(soup: F, longest: float) -> tuple[F, NDArray[np.int64]]:
-    """Triangles halved until no edge is longer, and the number of the one that each is of."""
+    """Triangles halved until no edge is longer, and the index of the original of each."""
     owners, pieces, numbers = np.arange(len(soup)), [], []
     while len(soup):
         is_done = longest_edges(soup) <= longest
@@ -138,7 +138,7 @@ def halved(soup: F) -> F:
 
 
 def longest_edges(soup: F) -> F:
-    """Of each triangle."""
+    """Longest edge of each triangle."""
     return np.asarray(_edges(soup).max(axis=1))
 
 

@@ -17,13 +17,13 @@ F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]
 
 MAX_PLANES = 34
-"""Of a piece: at most 2 * 34 - 4 = 64 vertices."""
+"""Maximum number of planes of a piece, which then has at most 2 * 34 - 4 = 64 vertices."""
 
 GRID = 1e-3
-"""Of the corners of pieces, mm, so that none are nearly the same."""
+"""Grid of the corners of pieces, mm, so that no two are nearly equal."""
 
 PAD = 2e-3
-"""Pieces are larger than what they contain by this, mm: far above all rounding."""
+"""Pieces are larger than their contents by this, mm: far above rounding errors."""
 
 
 def convex_hull(points: F) -> Mesh:
@@ -46,7 +46,7 @@ def clipped(soup: F, low: F, high: F) -> F:
 
 
 def _half(soup: F, axis: int, bound: float, sign: float) -> F:
-    """What of the triangles lies where `sign * (coordinate - bound) <= 0`."""
+    """The parts of triangles with `sign * (coordinate - bound) <= 0`."""
     height = sign * (soup[:, :, axis] - bound)
     whole = (height <= 0).all(axis=1)
     cut = ~whole & (height < 0).any(axis=1)
@@ -106,10 +106,10 @@ def _merged(points: F) -> F:
 
 
 CUTS = 16
-"""Places along each axis where a cut is tried."""
+"""Number of cuts that are tried along each axis."""
 
 GAIN = 0.01
-"""A cut must save this share of the volume of the first hull."""
+"""Minimum saving of a cut, as a share of the volume of the first hull."""
 
 
 def cover(soup: F, most: int) -> list[Mesh]:
@@ -127,7 +127,7 @@ def cover(soup: F, most: int) -> list[Mesh]:
 
 
 def _best_cut(soup: F) -> tuple[float, NDArray[np.bool_]]:
-    """The volume that the best cut saves, and which triangles are on its first side."""
+    """The volume saved by the best cut, and a mask of the triangles on its first side."""
     centres, volume = soup.mean(axis=1), _volume(soup)
     best = 0.0, np.ones(len(soup), dtype=bool)
     for axis in range(3):
@@ -152,10 +152,10 @@ VERSION = 3
 NOTHING: Mesh = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 SIDES = 32
-"""Of the prism around a cylinder."""
+"""Sides of the prism around a cylinder."""
 
 LARGER = 1e-3
-"""What primitives are larger by, mm, so that rounding makes none smaller."""
+"""Enlargement of primitives, mm, which exceeds rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin.display import (
@@ -25,6 +25,7 @@ anything = st.recursive(
 )
 
 
+@settings(max_examples=25)
 @given(anything)
 def test_a_quote_is_short_printable_and_on_one_line(value: object) -> None:
     text = quoted(value)

@@ -25,6 +25,7 @@ def test_a_task_is_planned_verified_and_compared(capsys: pytest.CaptureFixture[s
     assert 0.99 < float(ratio[1]) < 1.01
 
 
+@pytest.mark.campaign
 def test_plans_around_the_wall_keep_clear_of_it(capsys: pytest.CaptureFixture[str]) -> None:
     clear_mm = [float(x) for x in re.findall(r"(\S+) mm clear", printed(capsys, "cycles --wall"))]
     assert len(clear_mm) == 2

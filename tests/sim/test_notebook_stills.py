@@ -16,7 +16,7 @@ from nbformat.v4 import new_code_cell, new_output
 from PIL import Image
 
 from baxter_kin import Baxter
-from sim import Recording, Replay, TipTarget, Viewer
+from sim import Replay, TipTarget, Viewer
 from tests import notebook_kernel  # noqa: F401 - it finds the scripts
 
 pytestmark = pytest.mark.usefixtures("browser")  # or skipped, where there is none
@@ -52,8 +52,7 @@ def pixels(cell: NotebookNode, caption: str) -> Any:
     return np.asarray(png, dtype=int)
 
 
-def test_a_replay_becomes_a_picture_of_its_moment(robot: Baxter, recording: Recording) -> None:
-    replay = Replay(recording, robot)
+def test_a_replay_becomes_a_picture_of_its_moment(replay: Replay) -> None:
     early, late = shown(replay, moment=0.0), shown(replay, moment=1.0)
     replace(early, late)
     first = pixels(early, "plays when the cell is run")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -93,21 +93,20 @@ def messages(file: Path, topic: str) -> list[Any]:
         ]
 
 
-def test_topics_types_and_sums_are_those_of_ros_1(file: Path) -> None:
+def test_topics_types_sums_snapshots_and_events_are_those_of_ros_1(
+    file: Path, picked: Recording
+) -> None:
     with Reader(file) as reader:
         found = {each.topic: (each.msgtype, each.digest) for each in reader.connections}
         assert all(each.msgdef.data for each in reader.connections)
+        assert reader.topics["/tf"].msgcount == len(picked.times_s)
     kinds = ["sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"]
     assert found == dict(zip(MD5_SUMS, zip(kinds, MD5_SUMS.values(), strict=True), strict=True))
-
-
-def test_every_snapshot_and_event_is_there(file: Path, picked: Recording) -> None:
+    assert message_type(GRIPPER_STATE).md5 == "ade777f069d738595bc19e246b8ec7a0"
     states = messages(file, "/joint_states")
     assert np.array([state.position for state in states]).tolist() == picked.q.tolist()
     stamps = [state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec for state in states]
     assert stamps == pytest.approx(picked.times_s, abs=STAMP_S)
-    with Reader(file) as reader:
-        assert reader.topics["/tf"].msgcount == len(picked.times_s)
     told = [message.data for message in messages(file, "/events")]
     assert told == [f"{event.kind.value}: {event.text}" for event in picked.events]
 
@@ -178,13 +177,13 @@ def test_a_recorder_writes_it_when_it_is_closed(robot: Baxter, path: Path) -> No
     assert len(read_recording(path, robot).recording.times_s) == 11
 
 
-@pytest.mark.parametrize("time_s", [-1e-6, 2.0**32, np.nan, np.inf, "1", None, 10**400])
-def test_times_that_ros_does_not_have_are_refused(time_s: Any) -> None:
-    with pytest.raises(RecordingError):
-        nanoseconds(time_s)
-
-
-def test_times_before_zero_are_refused_before_a_file_is_made(picked: Recording, path: Path) -> None:
+def test_times_that_ros_does_not_have_are_refused_before_a_file_is_made(
+    picked: Recording, path: Path
+) -> None:
+    time_s: Any
+    for time_s in (-1e-6, 2.0**32, np.nan, np.inf, "1", None, 10**400):
+        with pytest.raises(RecordingError):
+            nanoseconds(time_s)
     early = evolve(picked, times_s=picked.times_s - 1.0)
     with pytest.raises(RecordingError, match="times from 0"):
         save_recording(early, path)
@@ -206,14 +205,13 @@ def test_without_the_package_the_error_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     monkeypatch.setattr("sim.recording.joint_states._TYPES", MessageTypes())
-    with pytest.raises(RecordingError, match=r"run: .* -m pip install rosbags$"):
+    with pytest.raises(RecordingError, match="pip install rosbags"):
         Recorder(robot, path)
     assert not path.exists()
 
 
-def test_a_run_comes_back(robot: Baxter, picked: Recording, path: Path) -> None:
-    save_recording(picked, path)
-    found, notes = read_recording(path, robot)
+def test_a_run_comes_back(robot: Baxter, picked: Recording, file: Path) -> None:
+    found, notes = read_recording(file, robot)
     assert notes == ()
     assert found.q.tolist() == picked.q.tolist()
     assert found.times_s == pytest.approx(picked.times_s, abs=STAMP_S)
@@ -222,7 +220,7 @@ def test_a_run_comes_back(robot: Baxter, picked: Recording, path: Path) -> None:
     assert [(event.kind, event.text) for event in found.events] == told
 
 
-@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+@pytest.mark.parametrize("compression", ["bz2", "lz4"])
 def test_compressed_chunks_are_read(robot: Baxter, path: Path, compression: str) -> None:
     found = read_recording(bags.write_bag(path, of_baxter(), compression), robot).recording
     assert len(found.times_s) == 100
@@ -242,20 +240,13 @@ def test_bags_of_debians_rosbag_are_read(robot: Baxter, path: Path, compression:
         np.testing.assert_allclose(found.motion(side).q, expected, atol=1e-12)
 
 
-def test_the_grippers_type_has_the_robots_sum() -> None:
-    assert message_type(GRIPPER_STATE).md5 == "ade777f069d738595bc19e246b8ec7a0"
-
-
 def test_types_of_another_definition_are_left_out_and_no_code_is_made_of_them(
     robot: Baxter, path: Path
 ) -> None:
     bags.write_bag(path, of_baxter(0.1))
     content = path.read_bytes().replace(b"3066dcd76a6cfaef579bd0f34173e9fd", b"0" * 32)
     path.write_bytes(content)
-    words = (
-        r"no joint states .*; left out, as their types have another md5 sum: /robot/joint_states"
-    )
-    with pytest.raises(RecordingError, match=words):
+    with pytest.raises(RecordingError, match="another md5 sum: /robot/joint_states"):
         read_recording(path, robot)
 
 
@@ -267,11 +258,10 @@ class TestDamaged:
     )
     def test_what_is_no_bag(self, robot: Baxter, path: Path, content: bytes) -> None:
         path.write_bytes(content)
-        with pytest.raises(
-            RecordingError, match=r"run\.bag is no bag of format 2\.0, or a damaged"
-        ):
+        with pytest.raises(RecordingError, match=r"no bag of format 2\.0"):
             read_recording(path, robot)
 
+    @settings(max_examples=25)
     @given(data=st.data())
     @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
     def test_any_damage_is_refused_or_harmless(
@@ -282,7 +272,10 @@ class TestDamaged:
         compression: str,
     ) -> None:
         path = tmp_path_factory.getbasetemp() / f"damaged {compression}.bag"
-        content = bytearray(bags.write_bag(path, of_baxter(0.2), compression).read_bytes())
+        whole = path.with_name(f"{compression}.bag")
+        if not whole.exists():
+            bags.write_bag(whole, of_baxter(0.2), compression)
+        content = bytearray(whole.read_bytes())
         for _ in range(data.draw(st.integers(1, 4))):
             place = data.draw(st.integers(0, len(content) - 1))
             if 110 < place < 4096:  # spaces that fill the header up
@@ -301,15 +294,6 @@ class TestDamaged:
         bags.write_bag(path, of_baxter(1.0), "bz2")
         with pytest.raises(RecordingError, match="unpacks to more than"):
             read_recording(path, robot)
-
-    def test_what_cannot_be_read(self, robot: Baxter, tmp_path: Path) -> None:
-        (tmp_path / "folder.bag").mkdir()
-        for name, words in (
-            ("no.bag", "No such file"),
-            ("folder.bag", "not a regular file|directory"),
-        ):
-            with pytest.raises(RecordingError, match=words):
-                read_recording(tmp_path / name, robot)
 
 
 def test_an_own_topic_with_other_text_is_no_event(robot: Baxter, path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -83,16 +83,16 @@ class TestBothPublishers:
         assert found.gripper_percent[:, 1].tolist() == [100.0] * 100
         assert len(notes) == 1
 
-    def test_stamps_count_and_not_when_it_was_recorded(self, read: Read) -> None:
-        sent = [state(EPOCH_S + 0.1 * i, NEUTRAL, stamp_s=5.0 + 0.01 * i) for i in range(20)]
+    @pytest.mark.parametrize("stamped", [True, False])
+    def test_stamps_count_and_else_the_time_of_recording(self, read: Read, stamped: bool) -> None:
+        begin_s = EPOCH_S if stamped else 5.0
+        sent = [
+            state(begin_s + 0.01 * i, NEUTRAL, stamp_s=5.0 + 0.01 * i if stamped else 0.0)
+            for i in range(20)
+        ]
         found, notes = read(sent)
         assert found.times_s == pytest.approx(5.0 + 0.01 * np.arange(20), abs=STAMP_S)
         assert not any("1970" in note for note in notes)
-
-    def test_without_stamps_the_time_of_recording_counts(self, read: Read) -> None:
-        sent = [state(2.0 + 0.01 * i, NEUTRAL, stamp_s=0.0) for i in range(20)]
-        found, _ = read(sent)
-        assert found.times_s == pytest.approx(2.0 + 0.01 * np.arange(20), abs=STAMP_S)
 
     def test_one_arm_is_read_alone(self, read: Read) -> None:
         arm = {joint: x for joint, x in NEUTRAL.items() if joint.startswith("right")}
@@ -133,50 +133,43 @@ class TestBothPublishers:
         assert any("left_s1 was outside its limits" in note for note in notes)
 
 
-class TestRefused:
-    """What holds no joints of a Baxter; the error says where."""
-
-    @pytest.mark.parametrize(
-        ("sent", "words"),
-        [
-            ([], "has no joint states .* such as left_s0"),
-            ([state(0.0, {"joint_1": 0.0})], "has no joint states"),
-            ([state(0.0, dict.fromkeys(ARMS[:6], 0.0))], "has no joint states"),
-            (
-                [state(0.0, {**NEUTRAL, "left_s0": np.nan})],
-                "no joint states.* not finite.* left out",
-            ),
-            (
-                [state(0.5, {**NEUTRAL, "left_s0": 9.0})],
-                r"at 0\.5\d* s: left_s0 = 9 rad is outside",
-            ),
-            (
-                [state(0.0, NEUTRAL), state(0.01, {**NEUTRAL, "right_w2": 3.0})],
-                r"at 0\.01\d* s: right_w2 moves by 3 rad in 0\.01 s",
-            ),
-            (
-                [state(0.0, NEUTRAL, topic="/a"), state(0.0, NEUTRAL, topic="/b")],
-                "has arms on several topics: /a, /b; give one as topic",
-            ),
-        ],
-    )
-    def test_what_is_none(self, read: Read, sent: list[Sent], words: str) -> None:
-        with pytest.raises(RecordingError, match=words):
-            read(sent)
-
-    def test_a_topic_that_has_none(self, read: Read) -> None:
-        with pytest.raises(RecordingError, match=r"'/x' has no joint .* have: /robot/joint_states"):
-            read(of_baxter(0.1), topic="/x")
-        with pytest.raises(RecordingError, match="topic must be of class str"):
-            read(of_baxter(0.1), topic=5)
-
-    @pytest.mark.parametrize("size", [0, 3, 12, 40])
-    def test_a_message_that_is_cut_off(self, read: Read, size: int) -> None:
-        whole = state(1.0, NEUTRAL)
-        with pytest.raises(RecordingError, match=r"/robot/joint_states at 1\.0.*JointState"):
-            read([whole._replace(data=whole.data[:size])])
+def cut(size: int) -> list[Sent]:
+    whole = state(1.0, NEUTRAL)
+    return [whole._replace(data=whole.data[:size])]
 
 
+@pytest.mark.parametrize(
+    ("sent", "words"),
+    [
+        ([], "no joint states"),
+        ([state(0.0, {"joint_1": 0.0})], "no joint states"),
+        ([state(0.0, dict.fromkeys(ARMS[:6], 0.0))], "no joint states"),
+        ([state(0.0, {**NEUTRAL, "left_s0": np.nan})], "not finite"),
+        ([state(0.5, {**NEUTRAL, "left_s0": 9.0})], r"at 0\.5\d* s: left_s0 = 9 rad"),
+        (
+            [state(0.0, NEUTRAL), state(0.01, {**NEUTRAL, "right_w2": 3.0})],
+            r"at 0\.01\d* s: right_w2 moves by 3 rad",
+        ),
+        (
+            [state(0.0, NEUTRAL, topic="/a"), state(0.0, NEUTRAL, topic="/b")],
+            "several topics: /a, /b",
+        ),
+        *((cut(size), r"/robot/joint_states at 1\.0.*JointState") for size in (0, 3, 12, 40)),
+    ],
+)
+def test_what_holds_no_joints_of_a_baxter_is_refused(
+    read: Read, sent: list[Sent], words: str
+) -> None:
+    with pytest.raises(RecordingError, match=words):
+        read(sent)
+
+
+def test_a_topic_that_has_none_is_refused_with_those_that_have(read: Read) -> None:
+    with pytest.raises(RecordingError, match=r"'/x' .* /robot/joint_states"):
+        read(of_baxter(0.1), topic="/x")
+
+
+@settings(max_examples=20)
 @given(
     st.lists(
         st.tuples(
@@ -294,32 +287,21 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "real.csv"
 
 
-class TestTucked:
-    """An arm a little outside its limits keeps its true values, and everything shows it."""
-
-    @pytest.fixture
-    def q(self, robot: Baxter) -> Table:
-        q = np.tile(robot.arm("left").neutral, (5, 1))
-        q[:, 1] = TUCKED_S1
-        return q
-
-    def test_it_is_read_and_said(self, robot: Baxter, path: Path, q: Table) -> None:
-        found, notes = read_recording(written(path, 0.01 * np.arange(5), q), robot)
-        np.testing.assert_allclose(found.motion("left").q, q, atol=1e-9)
-        assert (
-            "left_s1 was outside its limits -2.147 .. 1.047 rad in 5 rows, by up to 0.034 rad"
-            in notes
-        )
-
-    def test_it_can_be_shown_played_back_written_and_drawn(
-        self, robot: Baxter, path: Path, q: Table
-    ) -> None:
-        found = read_recording(written(path, 0.01 * np.arange(5), q), robot).recording
-        with Recorder(robot, path.with_suffix(".mcap")) as recorder:
-            play_back(found, recorder)
-        np.testing.assert_array_equal(recorder.recording().q, found.q)
-        write_replay(path.with_suffix(".html"), found, robot)
-        plot_recording(found)
+def test_a_tucked_arm_keeps_its_true_values_and_everything_shows_it(
+    robot: Baxter, path: Path
+) -> None:
+    q = np.tile(robot.arm("left").neutral, (5, 1))
+    q[:, 1] = TUCKED_S1
+    found, notes = read_recording(written(path, 0.01 * np.arange(5), q), robot)
+    np.testing.assert_allclose(found.motion("left").q, q, atol=1e-9)
+    assert (
+        "left_s1 was outside its limits -2.147 .. 1.047 rad in 5 rows, by up to 0.034 rad" in notes
+    )
+    with Recorder(robot, path.with_suffix(".mcap")) as recorder:
+        play_back(found, recorder)
+    np.testing.assert_array_equal(recorder.recording().q, found.q)
+    write_replay(path.with_suffix(".html"), found, robot)
+    plot_recording(found)
 
 
 class TestContinuity:
@@ -330,6 +312,7 @@ class TestContinuity:
         found = read_recording(written(path, 0.01 * np.arange(len(q)), q), robot).recording
         np.testing.assert_allclose(found.motion("left").q, q, atol=1e-9)
 
+    @settings(max_examples=20)
     @given(st.data())
     def test_stalls_late_stamps_and_double_rows_are_read(
         self, robot: Baxter, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -347,6 +330,7 @@ class TestContinuity:
         found = read_recording(written(path, stamps[kept], q[kept]), robot).recording
         assert len(found.times_s) <= kept.sum()
 
+    @settings(max_examples=25)
     @given(st.integers(0, 6), st.integers(1, 198), st.floats(0.001, 5.0))
     def test_a_jump_is_refused_with_joint_and_line_and_one_in_time_is_not(
         self,

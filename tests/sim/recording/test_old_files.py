@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
@@ -139,15 +139,17 @@ def npy_header(text: str) -> bytes:
 class TestRefusedNpz:
     """A truncated, foreign or edited file."""
 
+    @settings(max_examples=20)
     @given(st.data())
     def test_truncated_anywhere(
         self, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
     ) -> None:
         path = tmp_path_factory.getbasetemp() / "cut.npz"
         path.write_bytes(NPZ.read_bytes()[: data.draw(st.integers(0, len(NPZ.read_bytes()) - 1))])
-        with pytest.raises(RecordingError, match=r"cut\.npz: is no npz file, or a truncated"):
+        with pytest.raises(RecordingError, match=r"cut\.npz: is no npz file"):
             read_recording(path)
 
+    @settings(max_examples=25)
     @given(st.data())
     def test_a_changed_byte_is_refused_or_changes_nothing(
         self, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -164,46 +166,29 @@ class TestRefusedNpz:
             return
         assert same(found.recording, read_recording(NPZ).recording)
 
-    def test_an_array_of_other_numbers(self, tmp_path: Path) -> None:
-        with np.load(NPZ) as entries:
-            arrays = dict(entries)
-        arrays["q"] = arrays["q"].astype(np.float32)
-        np.savez(tmp_path / "other.npz", **arrays)
-        with pytest.raises(
-            RecordingError,
-            match="an entry q of float32 and 2 axes, where it must be of float64 and have 2",
-        ):
-            read_recording(tmp_path / "other.npz")
-
     @pytest.mark.parametrize("name", ["q", "body_poses", "document"])
-    @pytest.mark.parametrize(
-        "content",
-        [b"", b"no array", *map(npy_header, HEADERS)],
-        ids=lambda content: repr(content[10:40]),
-    )
-    def test_an_entry_that_is_no_array(self, tmp_path: Path, name: str, content: bytes) -> None:
+    def test_an_entry_that_is_no_array(self, tmp_path: Path, name: str) -> None:
         whole = zipfile.ZipFile(io.BytesIO(NPZ.read_bytes()))
-        with zipfile.ZipFile(tmp_path / "bad.npz", "w") as archive:
-            for entry in whole.namelist():
-                data = content if entry == f"{name}.npy" else whole.read(entry)
-                archive.writestr(entry, data)
-        with pytest.raises(RecordingError, match=r"bad\.npz: (is no npz file|has an entry)"):
-            read_recording(tmp_path / "bad.npz")
+        for content in (b"", b"no array", *map(npy_header, HEADERS)):
+            with zipfile.ZipFile(tmp_path / "bad.npz", "w") as archive:
+                for entry in whole.namelist():
+                    data = content if entry == f"{name}.npy" else whole.read(entry)
+                    archive.writestr(entry, data)
+            with pytest.raises(RecordingError, match=r"bad\.npz: (is no npz file|has an entry)"):
+                read_recording(tmp_path / "bad.npz")
 
-    def test_another_npz(self, tmp_path: Path) -> None:
-        np.savez(tmp_path / "other.npz", q=np.zeros(3))
-        with pytest.raises(RecordingError, match="is no recording: it has the entries"):
-            read_recording(tmp_path / "other.npz")
-
-    def test_pickled_objects_are_never_read(self, tmp_path: Path) -> None:
-        with np.load(NPZ) as entries:
-            arrays: dict[str, Any] = dict(entries)
-        arrays["q"] = np.array([{"an": "object"}], dtype=object)
-        np.savez(tmp_path / "pickle.npz", **arrays)
-        with pytest.raises(
-            RecordingError, match=r"is no npz file, or a truncated or damaged one: .*pickle"
-        ):
-            read_recording(tmp_path / "pickle.npz")
+    def test_another_npz_or_one_with_other_arrays(self, tmp_path: Path) -> None:
+        path = tmp_path / "other.npz"
+        np.savez(path, q=np.zeros(3))
+        with pytest.raises(RecordingError, match="entries"):
+            read_recording(path)
+        float32 = rewritten(path, lambda arrays: {**arrays, "q": arrays["q"].astype(np.float32)})
+        with pytest.raises(RecordingError, match=r"q of float32 .* float64"):
+            read_recording(float32)
+        unsafe = np.array([{"an": "object"}], dtype=object)
+        pickled = rewritten(path, lambda arrays: {**arrays, "q": unsafe})
+        with pytest.raises(RecordingError, match="pickle"):
+            read_recording(pickled)
 
     def test_an_array_that_claims_to_be_larger_than_its_bytes(self, tmp_path: Path) -> None:
         header = np.lib.format.magic(1, 0)
@@ -218,16 +203,13 @@ class TestRefusedNpz:
     @pytest.mark.parametrize(
         ("change", "words"),
         [
-            (
-                ('"version":5', '"version":6'),
-                r"has version 6, but only \(1, 2, 3, 4, 5\) are read here",
-            ),
-            (("baxter-kin recording", "baxter-kin something"), "its format is"),
-            (('"tracks":[', '"tracks":["more",'), "tracks under"),
-            (('"captions":', '"titles":'), r"recording\.captions is missing"),
-            (('"captions":', '"titles":[],"captions":'), "recording has an entry 'titles'"),
-            (('"start_s":', '"start_s":"early","was":'), r"moves\[0\]\.start_s must be of type"),
-            (('"start_s":', '"was":1.0,"start_s":'), r"moves\[0\] has an entry 'was'; a Recorded"),
+            (('"version":5', '"version":6'), "version 6"),
+            (("baxter-kin recording", "baxter-kin something"), "format"),
+            (('"tracks":[', '"tracks":["more",'), "tracks"),
+            (('"captions":', '"titles":'), "captions is missing"),
+            (('"captions":', '"titles":[],"captions":'), "titles"),
+            (('"start_s":', '"start_s":"early","was":'), r"moves\[0\]\.start_s"),
+            (('"start_s":', '"was":1.0,"start_s":'), r"moves\[0\] has an entry 'was'"),
             (("{", ""), "not complete JSON"),
         ],
     )
@@ -240,6 +222,7 @@ class TestRefusedNpz:
             read_recording(rewritten(tmp_path / "other.npz", changed))
 
 
+@settings(max_examples=25)
 @given(st.data())
 def test_a_log_cut_anywhere_keeps_the_lines_before(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -269,30 +252,22 @@ def test_nul_bytes_after_a_power_failure_are_a_half_written_line(tmp_path: Path)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (b"baxter-kin log", b"something", "is no log: it does not begin with its format"),
-        (
-            b'"version":4',
-            b'"version":"1"',
-            r"has version '1', but only \(1, 2, 3, 4\) are read here",
-        ),
-        (b'{"snapshot"', b'{"picture"', "line 4: has the entry 'picture'; known are body"),
-        (b'{"snapshot":', b'{"event":', "line 4: event has no entry|line 4: event"),
-        (b'"q":[', b'"q":[0.5,', r"line 4: q has shape \(20,\); it must have \(19,\)"),
-        (b'"q":[', b'"q":[NaN,', "line 4: has NaN where a finite number must be"),
-        (b'"q":[', b'"q":[1e999,', "line 4: has 1e999 where a finite number must be"),
-        (b'"q":[', b'"q":[1e99,', r"line 4: snapshot\.q must be a finite number up to 1e\+30"),
-        (b'"q":[', b'"q":[' + 400 * b"1" + b",", r"line 4: snapshot\.q must be a finite"),
-        (b'"q":[', b'"q":' + 100_000 * b"[", "line 4: is nested too deeply|not complete JSON"),
-        (
-            b'{"snapshot":{"time_s":0.01',
-            b'{"snapshot":{"time_s":0.0',
-            "is at 0 s, after one at 0 s",
-        ),
-        (b'{"snapshot"', b'[1,2]\n{"snapshot"', "line 4: must be an object of one entry"),
-        (b'{"snapshot"', b'{"end":0}\n{"snapshot"', "line 5: comes after the end"),
-        (b'{"snapshot"', b'\n{"snapshot"', "line 4: is not complete JSON"),
-        (b'"kind":"SPAWNED"', b'"kind":"HATCHED"', "line 6: event.kind is 'HATCHED'; use one of"),
-        (b'"is_movable"', b'"has_legs"', "line 2: body has unknown entry 'has_legs'|has_legs"),
+        (b"baxter-kin log", b"something", "no log"),
+        (b'"version":4', b'"version":"1"', "version"),
+        (b'{"snapshot"', b'{"picture"', "line 4: .*picture"),
+        (b'{"snapshot":', b'{"event":', "line 4: event"),
+        (b'"q":[', b'"q":[0.5,', r"line 4: q .*20"),
+        (b'"q":[', b'"q":[NaN,', "line 4: .*NaN"),
+        (b'"q":[', b'"q":[1e999,', "line 4: .*1e999"),
+        (b'"q":[', b'"q":[1e99,', r"line 4: snapshot\.q"),
+        (b'"q":[', b'"q":[' + 400 * b"1" + b",", r"line 4: snapshot\.q"),
+        (b'"q":[', b'"q":' + 100_000 * b"[", "nested|JSON"),
+        (b'{"snapshot":{"time_s":0.01', b'{"snapshot":{"time_s":0.0', "after one at 0 s"),
+        (b'{"snapshot"', b'[1,2]\n{"snapshot"', "line 4: .*one entry"),
+        (b'{"snapshot"', b'{"end":0}\n{"snapshot"', "line 5: .*end"),
+        (b'{"snapshot"', b'\n{"snapshot"', "line 4: .*JSON"),
+        (b'"kind":"SPAWNED"', b'"kind":"HATCHED"', "line 6: event.kind"),
+        (b'"is_movable"', b'"has_legs"', "line 2: .*has_legs"),
     ],
 )
 def test_a_damaged_line_is_refused_with_its_number(

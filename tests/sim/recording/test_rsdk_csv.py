@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
-from planner import Body, Grip, GripperAction, Manipulator, Move, Plan, Scene, plan_joint_move
+from planner import Body, Grip, GripperAction, Move, Plan, Scene, plan_joint_move
 from planner.plan import PlanFailure
 from planner.scene.bodies import Attachment
 from planner.state import State
@@ -28,8 +28,6 @@ from sim.simulation import ROBOT_DWELL_S
 from sim.view.replay import write_replay
 from tests.conftest import state_at
 from tests.served_urdf import served_urdf, variant
-from tests.sim.recording.test_recording import fields
-from tests.sim.runs import Run
 
 CSV_DIGITS = 1e-11
 """Values are written with twelve significant digits."""
@@ -40,11 +38,6 @@ HEADER = (
     "right_s0,right_s1,right_e0,right_e1,right_w0,right_w1,right_w2,right_gripper"
 )
 """As `joint_recorder.py` of the RSDK 1.2 writes it."""
-
-
-@pytest.fixture(scope="module")
-def plan(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Plan:
-    return Run(robot, [table, block], manipulator).plan()
 
 
 @pytest.fixture
@@ -60,140 +53,6 @@ def world(robot: Baxter, table: Body, block: Body) -> World:
     return world
 
 
-def table_in(path: Path) -> tuple[list[str], NDArray[np.float64]]:
-    """Header and numbers, by the standard library."""
-    with path.open(newline="", encoding="ascii") as file:
-        header, *rows = list(csv.reader(file))
-    return header, np.array(rows, dtype=np.float64)
-
-
-class TestCsv:
-    """The RSDK's format, to the letter."""
-
-    @pytest.fixture
-    def path(self, tmp_path: Path, picked: Recording) -> Path:
-        path = tmp_path / "run.csv"
-        write_csv(picked, path)
-        return path
-
-    def test_the_header_is_that_of_the_rsdk(self, path: Path) -> None:
-        assert path.read_text(encoding="ascii").split("\n")[0] == HEADER
-        assert ",".join(csv_header()) == HEADER
-
-    def test_there_are_17_columns_in_every_row(self, path: Path) -> None:
-        counts = {line.count(",") for line in path.read_text(encoding="ascii").splitlines()}
-        assert counts == {16}
-
-    def test_lines_end_with_lf_alone_and_the_last_one_too(self, path: Path) -> None:
-        content = path.read_bytes()
-        assert b"\r" not in content
-        assert content.endswith(b"\n")
-        assert not content.endswith(b"\n\n")
-
-    def test_there_are_no_spaces(self, path: Path) -> None:
-        assert b" " not in path.read_bytes()
-
-    def test_time_has_six_decimals(self, path: Path) -> None:
-        times = [line.split(",")[0] for line in path.read_text("ascii").splitlines()[1:]]
-        assert times[:3] == ["0.000000", "0.010000", "0.020000"]
-        assert all(len(time.partition(".")[2]) == 6 for time in times)
-
-    def test_there_is_one_row_per_snapshot(self, path: Path, picked: Recording) -> None:
-        _, rows = table_in(path)
-        assert rows.shape == (len(picked.times_s), 17)
-
-    def test_angles_and_grippers_come_back_as_they_were(
-        self, path: Path, picked: Recording
-    ) -> None:
-        header, rows = table_in(path)
-        for column, name in enumerate(header[1:], start=1):
-            if name.endswith("_gripper"):
-                expected = picked.gripper_percent[:, ["left", "right"].index(name[:-8])]
-            else:
-                expected = picked.q[:, picked.joint_names.index(name)]
-            assert rows[:, column] == pytest.approx(expected, rel=CSV_DIGITS, abs=CSV_DIGITS)
-
-    def test_times_come_back_to_the_microsecond(self, path: Path, picked: Recording) -> None:
-        assert table_in(path)[1][:, 0] == pytest.approx(picked.times_s, abs=5e-7)
-
-    def test_grippers_are_in_per_cent(self, path: Path) -> None:
-        header, rows = table_in(path)
-        grippers = rows[:, [header.index("left_gripper"), header.index("right_gripper")]]
-        assert (grippers >= 0.0).all()
-        assert (grippers <= 100.0).all()
-        assert grippers.max() == pytest.approx(100.0)
-
-    def test_a_plain_string_is_a_path_too(self, tmp_path: Path, picked: Recording) -> None:
-        write_csv(picked, str(tmp_path / "run.csv"))
-        assert (tmp_path / "run.csv").exists()
-
-    def test_writing_twice_replaces_the_file(self, path: Path, picked: Recording) -> None:
-        before = path.read_bytes()
-        write_csv(picked, path)
-        assert path.read_bytes() == before
-
-    def test_a_recorder_writes_the_same_while_the_simulation_runs(
-        self, robot: Baxter, world: World, tmp_path: Path
-    ) -> None:
-        with Recorder(robot, tmp_path / "live.csv") as recorder:
-            Simulation(world, [recorder]).wait(0.3)
-        write_csv(recorder.recording(), tmp_path / "after.csv")
-        live_bytes = (tmp_path / "live.csv").read_bytes()
-        assert live_bytes == (tmp_path / "after.csv").read_bytes()
-
-    def test_a_run_cut_short_keeps_its_rows(
-        self, robot: Baxter, world: World, tmp_path: Path
-    ) -> None:
-        path = tmp_path / "cut.csv"
-        recorder = Recorder(robot, path)
-        Simulation(world, [recorder]).wait(0.05)
-        recorder.close()
-        assert table_in(path)[1].shape == (6, 17)
-
-    def test_closing_twice_is_no_trouble(self, robot: Baxter, tmp_path: Path) -> None:
-        recorder = Recorder(robot, tmp_path / "run.csv")
-        recorder.close()
-        recorder.close()
-
-
-class TestUnwritable:
-    """A file that cannot be written is said with its path and the system's reason."""
-
-    @pytest.mark.parametrize("name", ["missing/run.csv"])
-    def test_a_path_that_leads_nowhere(
-        self, robot: Baxter, picked: Recording, tmp_path: Path, name: str
-    ) -> None:
-        path = tmp_path / name
-        with pytest.raises(RecordingError, match=r"cannot write .*: (No such file|it is a folder)"):
-            write_csv(picked, path)
-        with pytest.raises(RecordingError, match="cannot write"):
-            Recorder(robot, path)
-
-    @pytest.mark.parametrize("path", ["a\0b", "", "x" * 5000])
-    def test_a_path_that_no_system_takes(self, picked: Recording, path: str) -> None:
-        with pytest.raises(RecordingError, match="cannot write"):
-            write_csv(picked, path)
-
-    @pytest.mark.usefixtures("full_disk")
-    def test_a_full_disk(self, picked: Recording, tmp_path: Path) -> None:
-        with pytest.raises(RecordingError, match=r"cannot write .*run.csv: No space left"):
-            write_csv(picked, tmp_path / "run.csv")
-
-    def test_a_file_that_was_closed(self, robot: Baxter, world: World, tmp_path: Path) -> None:
-        recorder = Recorder(robot, tmp_path / "run.csv")
-        recorder.close()
-        with pytest.raises(RecordingError, match="closed file"):
-            Simulation(world, [recorder]).wait(0.1)
-
-    def test_a_recording_of_another_robot_says_which_joints_it_lacks(
-        self, picked: Recording, tmp_path: Path
-    ) -> None:
-        renamed = tuple(f"other_{name}" for name in picked.joint_names)
-        other = Recording(**{**fields(picked), "joint_names": renamed})
-        with pytest.raises(RecordingError, match="lacks left_s0"):
-            write_csv(other, tmp_path / "run.csv")
-
-
 Table = dict[str, NDArray[np.float64]]
 
 
@@ -202,6 +61,79 @@ def table_of(path: Path) -> Table:
     with path.open(newline="", encoding="ascii") as file:
         header, *rows = list(csv.reader(file))
     return dict(zip(header, np.array(rows, dtype=np.float64).T, strict=True))
+
+
+class TestCsv:
+    """The RSDK's format, to the letter."""
+
+    @pytest.fixture
+    def path(self, tmp_path: Path, picked: Recording) -> Path:
+        path = tmp_path / "run.csv"
+        write_csv(picked, str(path))
+        return path
+
+    def test_it_is_that_of_the_rsdk_to_the_letter(self, path: Path, picked: Recording) -> None:
+        content = path.read_bytes()
+        assert content.endswith(b"\n")
+        assert not any(odd in content for odd in (b"\r", b" ", b"\n\n"))
+        header, *rows = content.decode("ascii").splitlines()
+        assert header == ",".join(csv_header()) == HEADER
+        assert {row.count(",") for row in rows} == {16}
+        assert len(rows) == len(picked.times_s)
+        times = [row.split(",")[0] for row in rows]
+        assert times[:3] == ["0.000000", "0.010000", "0.020000"]
+        assert all(len(time.partition(".")[2]) == 6 for time in times)
+
+    def test_times_angles_and_grippers_in_per_cent_come_back_as_they_were(
+        self, path: Path, picked: Recording
+    ) -> None:
+        found = table_of(path)
+        assert found.pop("time") == pytest.approx(picked.times_s, abs=5e-7)
+        for hand, side in enumerate(("left", "right")):
+            percent = found.pop(f"{side}_gripper")
+            expected = picked.gripper_percent[:, hand]
+            assert percent == pytest.approx(expected, rel=CSV_DIGITS, abs=CSV_DIGITS)
+            assert percent.min() >= 0.0
+            assert percent.max() == pytest.approx(100.0)
+        for name, column in found.items():
+            expected = picked.q[:, picked.joint_names.index(name)]
+            assert column == pytest.approx(expected, rel=CSV_DIGITS, abs=CSV_DIGITS)
+
+    def test_a_recorder_writes_the_same_while_the_simulation_runs(
+        self, robot: Baxter, world: World, tmp_path: Path
+    ) -> None:
+        live, after = tmp_path / "live.csv", tmp_path / "after.csv"
+        recorder = Recorder(robot, live)
+        simulation = Simulation(world, [recorder])
+        simulation.wait(0.05)
+        recorder.close()
+        recorder.close()
+        for _ in range(2):  # the second time in place of an older file
+            write_csv(recorder.recording(), after)
+            assert live.read_bytes() == after.read_bytes()
+        assert len(table_of(live)["time"]) == 6
+        with pytest.raises(RecordingError, match="closed"):
+            simulation.wait(0.1)
+
+
+@pytest.mark.parametrize("name", ["missing/run.csv", "a\0b", "", "x" * 5000])
+def test_a_path_that_cannot_be_written_is_refused(
+    robot: Baxter, picked: Recording, plan: Plan, name: str, tmp_path: Path
+) -> None:
+    path = str(tmp_path / name) if name else name
+    for each in (picked, plan):
+        with pytest.raises(RecordingError, match="cannot write"):
+            write_csv(each, path)
+    if path.endswith(".csv"):
+        with pytest.raises(RecordingError, match="cannot write"):
+            Recorder(robot, path)
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_reported(picked: Recording, plan: Plan, path: Path) -> None:
+    for each in (picked, plan):
+        with pytest.raises(RecordingError, match="No space left"):
+            write_csv(each, path)
 
 
 def joints(found: Table, limb: str) -> NDArray[np.float64]:
@@ -246,28 +178,19 @@ class TestRows:
         expected = expected_q(plan, exact, dwell_s)
         np.testing.assert_allclose(joints(found, plan.limb), expected, rtol=CSV_DIGITS, atol=1e-12)
 
-    def test_the_last_row_is_where_the_plan_ends(self, plan: Plan, path: Path) -> None:
-        write_csv(plan, path)
-        found = table_of(path)
-        *_, (_, end_s, _) = periods(plan, ROBOT_DWELL_S)
-        assert end_s <= found["time"][-1] <= end_s + 0.01
-        goal = plan.moves[-1].trajectory.q_goal
-        np.testing.assert_allclose(joints(found, plan.limb)[-1], goal, rtol=CSV_DIGITS)
-
-    def test_the_other_arm_stands_where_the_plan_says(
+    def test_it_is_read_back_as_a_recording_of_both_arms_that_ends_where_the_plan_does(
         self, plan: Plan, robot: Baxter, path: Path
     ) -> None:
         write_csv(plan, path)
-        found = joints(table_of(path), "right")
-        np.testing.assert_array_equal(found, np.tile(robot.arm("right").neutral, (len(found), 1)))
-
-    def test_it_is_read_back_as_a_recording_of_both_arms(
-        self, plan: Plan, robot: Baxter, path: Path
-    ) -> None:
-        write_csv(plan, path)
-        found, notes = read_recording(path, robot)
+        (found, notes), columns = read_recording(path, robot), table_of(path)
         assert notes == ()
         assert found.limbs == ("left", "right")
+        *_, (_, end_s, _) = periods(plan, ROBOT_DWELL_S)
+        assert end_s <= columns["time"][-1] <= end_s + 0.01
+        goal = plan.moves[-1].trajectory.q_goal
+        np.testing.assert_allclose(joints(columns, plan.limb)[-1], goal, rtol=CSV_DIGITS)
+        other = joints(columns, "right")
+        np.testing.assert_array_equal(other, np.tile(robot.arm("right").neutral, (len(other), 1)))
 
 
 class TestGrippers:
@@ -282,31 +205,22 @@ class TestGrippers:
         found = table_of(path)
         percent, q = found["left_gripper"], joints(found, "left")
         changes = np.flatnonzero(np.diff(percent)) + 1
-        assert percent[changes].tolist() == [0.0, 100.0]
+        assert percent[changes].tolist() == [0.0, 100.0]  # not where the block stops them
+        assert set(percent) == {0.0, 100.0}
         for row in changes:
             before = slice(row - int(stated_s / 0.01), row + 1)
             after = slice(row, row + int((stated_s + TRAVEL_S) / 0.01) - 1)
             for rows in (before, after):
                 assert np.ptp(q[rows], axis=0).max() == 0.0
 
-    def test_fingers_are_told_to_close_and_not_where_the_block_stops_them(
-        self, plan: Plan, path: Path
+    @pytest.mark.parametrize("opening_m", [0.0, 0.0049, STROKE_M])
+    def test_an_opening_is_written_in_per_cent_of_the_robots_stroke(
+        self, plan: Plan, robot: Baxter, path: Path, opening_m: float
     ) -> None:
-        write_csv(plan, path)
-        assert table_of(path)["left_gripper"].min() == 0.0
-        assert set(table_of(path)["left_gripper"]) == {0.0, 100.0}
-
-    @given(st.floats(0.0, STROKE_M))
-    def test_an_opening_is_told_in_per_cent(
-        self, plan: Plan, tmp_path_factory: pytest.TempPathFactory, opening_m: float
-    ) -> None:
-        path = tmp_path_factory.getbasetemp() / "open.csv"
         part = Grip("open a little", GripperAction.OPEN, opening_m=opening_m)
         write_csv(evolve(plan, steps=(part,)), path, dwell_s=0.0)
         percent = table_of(path)["left_gripper"]
         assert percent[-1] == pytest.approx(100.0 * opening_m / STROKE_M, rel=CSV_DIGITS)
-
-    def test_the_stroke_is_that_of_the_robot(self, robot: Baxter) -> None:
         index = robot.indices(("l_gripper_l_finger_joint",))[0]
         assert robot.model.upperPositionLimit[index] == STROKE_M
 
@@ -322,67 +236,59 @@ def arm_at(plan: Plan, q: FloatArray) -> State:
     return evolve(plan.start, joints={**plan.start.joints, **state_at(q).joints})
 
 
-class TestSeveralPlans:
-    """Plans after one another are one file."""
-
-    def test_they_go_on_where_the_last_one_ended(self, plan: Plan, path: Path) -> None:
-        back = plan_joint_move(
-            plan.moves[-1].trajectory.q_goal, plan.q_start, plan.moves[0].trajectory.limits
-        )
-        home = evolve(plan, start=arm_at(plan, back.q_start), steps=(Move("home", back),))
-        with PlanCsvFile(path, dwell_s=0.2) as file:
-            for each in (plan, home, plan):
-                file.add(each)
-        found = table_of(path)
-        np.testing.assert_allclose(np.diff(found["time"]), 0.01, atol=1.1e-6)
-        assert np.count_nonzero(np.diff(found["left_gripper"])) == 4
-        assert np.abs(np.diff(joints(found, "left"), axis=0)).max() < 0.05
-
-    def test_one_that_starts_elsewhere_is_refused(self, plan: Plan, path: Path) -> None:
-        with PlanCsvFile(path) as file:
+def test_plans_after_one_another_are_one_file_if_each_begins_where_the_last_one_ended(
+    plan: Plan, path: Path
+) -> None:
+    back = plan_joint_move(
+        plan.moves[-1].trajectory.q_goal, plan.q_start, plan.moves[0].trajectory.limits
+    )
+    home = evolve(plan, start=arm_at(plan, back.q_start), steps=(Move("home", back),))
+    with PlanCsvFile(path, dwell_s=0.2) as file:
+        for each in (plan, home, plan):
+            file.add(each)
+        with pytest.raises(RecordingError, match="left arm"):
             file.add(plan)
-            with pytest.raises(RecordingError, match="rad from where the left arm stands after"):
-                file.add(plan)
+    found = table_of(path)
+    np.testing.assert_allclose(np.diff(found["time"]), 0.01, atol=1.1e-6)
+    assert np.count_nonzero(np.diff(found["left_gripper"])) == 4
+    assert np.abs(np.diff(joints(found, "left"), axis=0)).max() < 0.05
 
 
-class TestRefusedPlans:
-    """What is no plan for a robot."""
+class TestRefused:
+    """What cannot be written as set-points for a robot; no file is made."""
 
-    def test_an_invalid_plan(self, plan: Plan, path: Path) -> None:
-        invalid = evolve(plan, failure=PlanFailure("pick: approach", "it is too far"))
-        with pytest.raises(RecordingError, match="cannot be executed: pick: approach: it is too"):
-            write_csv(invalid, path)
-        assert not path.exists()
-
-    def test_one_that_does_not_say_where_the_other_arm_stands(self, plan: Plan, path: Path) -> None:
-        state = State(Scene.of(), {**state_at(plan.q_start).joints, "right_s0": 0.0})
-        with pytest.raises(RecordingError, match="lacks right_s1"):
-            write_csv(evolve(plan, start=state), path)
+    @pytest.mark.parametrize(
+        ("change", "words"),
+        [
+            ({"failure": PlanFailure("pick: approach", "it is too far")}, "it is too far"),
+            ({"start": None}, "lacks right_s1"),
+        ],
+    )
+    def test_a_plan(self, plan: Plan, path: Path, change: dict[str, Any], words: str) -> None:
+        if "start" in change:
+            joints = {**state_at(plan.q_start).joints, "right_s0": 0.0}
+            change = {"start": State(Scene.of(), joints)}
+        with pytest.raises(RecordingError, match=words):
+            write_csv(evolve(plan, **change), path)
         assert not path.exists()
 
     @pytest.mark.parametrize("dwell_s", [-0.1, 60.1, float("nan"), "1", None, True])
-    def test_a_dwell_that_is_none(self, path: Path, dwell_s: Any) -> None:
+    def test_a_dwell(self, picked: Recording, path: Path, dwell_s: Any) -> None:
         with pytest.raises(RecordingError, match="dwell_s"):
             PlanCsvFile(path, dwell_s=dwell_s)
+        with pytest.raises(RecordingError, match="dwell_s"):
+            write_csv(picked, path, dwell_s=1.0)  # dwells are for plans
         assert not path.exists()
 
-    def test_a_dwell_for_a_recording(self, picked: Recording, path: Path) -> None:
-        with pytest.raises(RecordingError, match="dwell_s is for plans"):
-            write_csv(picked, path, dwell_s=1.0)
-
     @pytest.mark.parametrize("what", [None, "plan", 5])
-    def test_what_is_neither_plan_nor_recording(self, path: Path, what: Any) -> None:
-        with pytest.raises(RecordingError, match="a plan, or else the recording must be of class"):
+    def test_other_values(self, path: Path, what: Any) -> None:
+        with pytest.raises(RecordingError, match="plan"):
             write_csv(what, path)
 
-    def test_a_path_that_leads_nowhere(self, plan: Plan, tmp_path: Path) -> None:
-        with pytest.raises(RecordingError, match="cannot write"):
-            write_csv(plan, tmp_path / "missing" / "plan.csv")
-
-    @pytest.mark.usefixtures("full_disk")
-    def test_a_full_disk(self, plan: Plan, path: Path) -> None:
-        with pytest.raises(RecordingError, match="No space left"):
-            write_csv(plan, path)
+    def test_a_recording_of_another_robot(self, picked: Recording, path: Path) -> None:
+        renamed = tuple(f"other_{name}" for name in picked.joint_names)
+        with pytest.raises(RecordingError, match="left_s0"):
+            write_csv(evolve(picked, joint_names=renamed), path)
 
 
 def test_a_plan_for_the_drawing_is_written_with_one_warning(
@@ -395,20 +301,14 @@ def test_a_plan_for_the_drawing_is_written_with_one_warning(
     assert warning.startswith(f"{path} has set-points for Baxter as it is drawn")
 
 
-def test_a_plan_for_a_real_robot_is_written_without_a_warning(
-    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(("own", "count"), [("measured", 0), ("camera_on_the_head", 1)])
+def test_a_warning_is_for_arms_as_they_are_drawn(
+    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture, own: str, count: int
 ) -> None:
-    own = Baxter.load(served_urdf(measured="one")).description.identity
-    write_csv(evolve(plan, robot=own), path)
-    assert caplog.messages == []
-
-
-def test_a_camera_on_the_head_makes_no_arm_another_one(
-    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    own = Baxter.load(variant("camera_on_the_head")).description.identity
-    write_csv(evolve(plan, robot=own), path)
-    assert len(caplog.messages) == 1
+    """A camera on the head does not make an arm another one."""
+    urdf = served_urdf(measured="one") if own == "measured" else variant(own)
+    write_csv(evolve(plan, robot=Baxter.load(urdf).description.identity), path)
+    assert len(caplog.messages) == count
 
 
 LEFT = "-0.0799805932,-0.999978117,-1.18997103,1.94002381,0.669995225,1.03000943,-0.499999724"
@@ -433,7 +333,7 @@ def write(path: Path, *lines: str, end: str = "\n") -> Path:
 class TestOwnFiles:
     """What this toolkit writes."""
 
-    def test_a_run_comes_back_to_twelve_digits_without_a_note(
+    def test_a_run_comes_back_to_twelve_digits_and_is_written_again_the_same(
         self, robot: Baxter, picked: Recording, path: Path
     ) -> None:
         write_csv(picked, path)
@@ -442,15 +342,10 @@ class TestOwnFiles:
         assert found.times_s == pytest.approx(picked.times_s, abs=5.1e-7)
         assert found.q == pytest.approx(picked.q, rel=READ_DIGITS, abs=1e-12)
         assert found.gripper_percent == pytest.approx(picked.gripper_percent, rel=READ_DIGITS)
+        write_csv(found, path.with_name("again.csv"))
+        assert path.with_name("again.csv").read_bytes() == path.read_bytes()
 
-    def test_reading_and_writing_again_gives_the_same_file(
-        self, robot: Baxter, picked: Recording, path: Path
-    ) -> None:
-        write_csv(picked, path)
-        again = path.with_name("again.csv")
-        write_csv(read_recording(path, robot).recording, again)
-        assert again.read_bytes() == path.read_bytes()
-
+    @settings(max_examples=15)
     @given(st.lists(st.floats(0.0, 1.0), min_size=14, max_size=14), st.floats(0.0, 100.0))
     def test_any_angle_inside_the_limits_comes_back(
         self,
@@ -478,44 +373,32 @@ class TestOwnFiles:
 class TestRealFiles:
     """What a recorder on the robot writes."""
 
-    def test_a_plain_recording_loads_without_a_note(self, robot: Baxter, path: Path) -> None:
+    def test_a_plain_recording_loads_with_fingers_where_the_grippers_say_and_plays(
+        self, robot: Baxter, path: Path
+    ) -> None:
         found, notes = read_recording(write(path, HEADER, *lines_at([0.012, 0.022, 0.032])), robot)
         assert notes == ()
         assert found.times_s.tolist() == [0.012, 0.022, 0.032]
-        assert found.q[0, robot.joint_names.index("right_e0")] == 1e-05
         assert found.gripper_percent[0].tolist() == [100.0, 3.56083083153]
-
-    def test_fingers_stand_as_the_grippers_say(self, robot: Baxter, path: Path) -> None:
-        found = read_recording(write(path, HEADER, *lines_at([0.0])), robot).recording
-        fingers = {
-            name: float(found.q[0, robot.joint_names.index(name)])
-            for name in robot.joint_names
-            if "finger" in name
-        }
-        assert fingers["l_gripper_l_finger_joint"] == pytest.approx(0.020833)
-        assert fingers["l_gripper_r_finger_joint"] == pytest.approx(-0.020833)
-        assert fingers["r_gripper_l_finger_joint"] == pytest.approx(0.020833 * 0.0356083083153)
-
-    def test_it_plays_in_the_replay(self, robot: Baxter, path: Path, tmp_path: Path) -> None:
-        found = read_recording(write(path, HEADER, *lines_at([0.0, 0.01, 0.02])), robot).recording
-        write_replay(tmp_path / "real.html", found, robot)
-        assert (tmp_path / "real.html").stat().st_size > 1_000_000
+        at = dict(zip(robot.joint_names, found.q[0].tolist(), strict=True))
+        assert at["right_e0"] == 1e-05
+        assert at["l_gripper_l_finger_joint"] == pytest.approx(0.020833)
+        assert at["l_gripper_r_finger_joint"] == pytest.approx(-0.020833)
+        assert at["r_gripper_l_finger_joint"] == pytest.approx(0.020833 * 0.0356083083153)
+        write_replay(path.with_suffix(".html"), found, robot)
+        assert path.with_suffix(".html").stat().st_size > 1_000_000
 
     @pytest.mark.parametrize("end", ["\n", "\r\n"])
-    def test_line_ends_of_any_system_and_blank_lines_are_read(
+    def test_line_ends_of_any_system_blank_lines_spaces_and_a_byte_order_mark(
         self, robot: Baxter, path: Path, end: str
     ) -> None:
-        lines = ["", HEADER, "", *lines_at([0.0, 0.01]), "  ", ""]
-        found, notes = read_recording(write(path, *lines, end=end), robot)
-        assert len(found.times_s) == 2
-        assert notes == ()
+        header, *rows = (line.replace(",", " , ") for line in (HEADER, *lines_at([0.0, 0.01])))
+        for lines in ([HEADER, "", *lines_at([0.0, 0.01])], ["\ufeff" + header, *rows]):
+            found, notes = read_recording(write(path, *lines, "  ", "", end=end), robot)
+            assert len(found.times_s) == 2
+            assert notes == ()
 
-    def test_a_byte_order_mark_and_spaces_are_no_trouble(self, robot: Baxter, path: Path) -> None:
-        spaced = [line.replace(",", " , ") for line in (HEADER, *lines_at([0.0, 0.01]))]
-        found, notes = read_recording(write(path, "\ufeff" + spaced[0], *spaced[1:]), robot)
-        assert len(found.times_s) == 2
-        assert notes == ()
-
+    @settings(max_examples=15)
     @given(st.permutations(csv_header()))
     def test_columns_are_found_by_name_in_any_order(
         self, robot: Baxter, tmp_path_factory: pytest.TempPathFactory, names: list[str]
@@ -532,32 +415,19 @@ class TestRealFiles:
 
     def test_further_columns_are_left_out_with_a_note(self, robot: Baxter, path: Path) -> None:
         lines = [f"{HEADER},head_pan,", *(f"{row},0.1,text" for row in lines_at([0.0]))]
-        _, notes = read_recording(write(path, *lines), robot)
-        assert notes == ("2 columns not of the format, left out: head_pan, (no name)",)
+        (note,) = read_recording(write(path, *lines), robot).notes
+        assert note.startswith("2 columns")
+        assert "head_pan, (no name)" in note
 
-    def test_a_missing_gripper_is_shown_open_with_a_note(self, robot: Baxter, path: Path) -> None:
-        lines = [",".join(line.split(",")[:-1]) for line in (HEADER, *lines_at([0.0, 0.01]))]
-        found, notes = read_recording(write(path, *lines), robot)
-        assert notes == ("the right gripper was not recorded: shown open",)
-        assert found.gripper_percent[:, 1].tolist() == [100.0, 100.0]
-
-    @pytest.mark.parametrize("text", ["None", "nan", "", "inf"])
-    def test_a_gripper_without_a_position_is_noted(
+    @pytest.mark.parametrize("text", ["None", "nan", "", "inf", "103.5"])
+    def test_a_gripper_without_a_position_or_outside_its_range_is_noted(
         self, robot: Baxter, path: Path, text: str
     ) -> None:
         lines = lines_at([0.0, 0.01])
         lines[1] = lines[1].replace("100.0", text)
-        found, notes = read_recording(write(path, HEADER, *lines), robot)
-        assert notes == ("the left gripper was not recorded in 1 row: shown open",)
-        assert found.gripper_percent[:, 0].tolist() == [100.0, 100.0]
-
-    def test_a_gripper_outside_its_range_is_taken_as_the_nearer_end(
-        self, robot: Baxter, path: Path
-    ) -> None:
-        lines = lines_at([0.0, 0.01])
-        lines[1] = lines[1].replace("100.0", "103.5")
-        found, notes = read_recording(write(path, HEADER, *lines), robot)
-        assert "the left gripper was outside 0 .. 100 % in 1 row" in notes[0]
+        found, (note,) = read_recording(write(path, HEADER, *lines), robot)
+        assert "left gripper was " + ("outside" if text == "103.5" else "not recorded") in note
+        assert "in 1 row" in note
         assert found.gripper_percent[:, 0].tolist() == [100.0, 100.0]
 
     def test_gaps_are_noted_with_time_and_length(self, robot: Baxter, path: Path) -> None:
@@ -588,6 +458,7 @@ class TestRealFiles:
             "left_e1 was outside its limits -0.05 .. 2.618 rad in 1 row, by up to 0.0213 rad",
         )
 
+    @settings(max_examples=25)
     @given(st.integers(0, 10_000))
     def test_a_file_cut_anywhere_keeps_the_rows_before(
         self, robot: Baxter, tmp_path_factory: pytest.TempPathFactory, position: int
@@ -606,69 +477,65 @@ class TestRealFiles:
         assert bool(notes) == (not content.endswith(b"\n"))
 
 
-class TestRefused:
-    """What is no recording of Baxter, with the line where that shows."""
+NUMBER = "1.94002381"
+TALL = f"{2.618 + LIMIT_SLACK_RAD + 1e-6:.9f}"
 
-    @pytest.mark.parametrize(
-        ("lines", "words"),
-        [
-            ([], "is empty"),
-            (["", ""], "is empty"),
-            ([HEADER], "has a header but no complete row"),
-            (["hello, world", "1,2"], "is no recording of the RSDK: .* no column time, left_s0"),
-            (lines_at([0.0]), "is no recording of the RSDK"),
-            ([HEADER.replace("left_w2,", ""), ROW], "no column left_w2"),
-            ([f"{HEADER},time", f"{lines_at([0.0])[0]},0"], "has the column time 2 times"),
-            ([HEADER, *lines_at([0.0]), "0.01,1.0"], "line 3: 2 fields under 17 columns"),
-            ([HEADER, *lines_at([0.0]), f"0.01,{ROW},7"], "line 3: 18 fields under 17 columns"),
-            ([HEADER, f"nan,{ROW}"], "line 2: time is 'nan'"),
-            ([HEADER, f"1e300,{ROW}"], "line 2: time 1e\\+300 s is no time"),
-            ([HEADER, "", f"0.0,{ROW}".replace("1.94002381", "nan")], "line 3: left_e1 is 'nan'"),
-            ([HEADER, f"0.0,{ROW}".replace("1.94002381", "1_9")], "line 2: left_e1 is '1_9'"),
-            ([HEADER, f"0.0,{ROW}".replace("1.94002381", "1.9x")], "line 2: left_e1 is '1.9x'"),
-            (
-                [HEADER, *lines_at([0.0]), f"0.01,{ROW}".replace("1.94002381", "111.2")],
-                "line 3: left_e1 = 111.2 rad is outside -0.05 .. 2.618 by 109 rad; .*in rad",
-            ),
-        ],
-    )
-    def test_lines_that_are_none(
-        self, robot: Baxter, path: Path, lines: list[str], words: str
-    ) -> None:
-        with pytest.raises(RecordingError, match=words):
-            read_recording(write(path, *lines), robot)
 
-    def test_numbers_of_any_size_are_outside_the_limits(self, robot: Baxter, path: Path) -> None:
-        line = lines_at([0.0])[0].replace("1.94002381", "1e300")
-        with pytest.raises(RecordingError, match=r"line 2: left_e1 = 1e\+300 rad is outside"):
-            read_recording(write(path, HEADER, line), robot)
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ([], "empty"),
+        (["", ""], "empty"),
+        (["# nothing else"], "empty"),
+        ([HEADER], "no complete row"),
+        (["hello, world", "1,2"], "no column time, left_s0"),
+        (lines_at([0.0]), "no recording of the RSDK"),
+        (["time,x,y,z", "0.0,1,2,3"], "no column left_s0"),
+        (["left_s0;time", "0,5;1,2"], "no column left_s1"),
+        ([HEADER.replace("left_w2,", ""), ROW], "no column left_w2"),
+        (
+            [line.replace("right_w2,", "") for line in (HEADER, *lines_at([0.0]))],
+            "no column right_w2",
+        ),
+        ([f"{HEADER},time", f"{lines_at([0.0])[0]},0"], "time 2 times"),
+        ([HEADER, *lines_at([0.0]), "0.01,1.0"], "line 3: 2 fields"),
+        ([HEADER, *lines_at([0.0]), f"0.01,{ROW},7"], "line 3: 18 fields"),
+        ([HEADER, f"0.0,{ROW},,7"], "line 2: 19 fields"),
+        ([HEADER, f"nan,{ROW}"], "line 2: time"),
+        ([HEADER, f"1e300,{ROW}"], "line 2: time"),
+        ([HEADER, "", f"0.0,{ROW}".replace(NUMBER, "nan")], "line 3: left_e1"),
+        ([HEADER, f"0.0,{ROW}".replace(NUMBER, "1_9")], "line 2: left_e1"),
+        ([HEADER, f"0.0,{ROW}".replace(NUMBER, "1.9x")], "line 2: left_e1"),
+        ([HEADER, f"0.0,{ROW}".replace(NUMBER, "1e300")], "line 2: left_e1"),
+        ([HEADER, f"0.0,{ROW}".replace(NUMBER, TALL)], "line 2: left_e1"),
+        (
+            [HEADER, *lines_at([0.0]), f"0.01,{ROW}".replace(NUMBER, "111.2")],
+            "line 3: left_e1 = 111.2 rad is outside -0.05 .. 2.618 by 109 rad",
+        ),
+        (
+            [HEADER.replace(",", ";"), lines_at([0.0])[0].replace(",", ";").replace(".", ",")],
+            "time",
+        ),
+    ],
+)
+def test_what_is_no_recording_is_refused_with_the_line(
+    robot: Baxter, path: Path, lines: list[str], words: str
+) -> None:
+    with pytest.raises(RecordingError, match=words):
+        read_recording(write(path, *lines), robot)
 
-    def test_just_beyond_the_slack(self, robot: Baxter, path: Path) -> None:
-        assert LIMIT_SLACK_RAD == 0.04
-        for excess, is_kept in ((LIMIT_SLACK_RAD - 1e-6, True), (LIMIT_SLACK_RAD + 1e-6, False)):
-            line = lines_at([0.0])[0].replace("1.94002381", f"{2.618 + excess:.9f}")
-            write(path, HEADER, line)
-            if is_kept:
-                assert read_recording(path, robot).notes
-            else:
-                with pytest.raises(RecordingError, match=r"line 2: left_e1 = 2.658\d* rad"):
-                    read_recording(path, robot)
 
-    @pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n\0\0", b"\xff\xfet\0i\0m\0e\0\n"])
-    def test_what_is_no_text(self, robot: Baxter, path: Path, content: bytes) -> None:
-        path.write_bytes(content)
-        with pytest.raises(RecordingError, match="is no text: line 1"):
-            read_recording(path, robot)
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n\0\0", b"\xff\xfet\0i\0m\0e\0\n"])
+def test_what_is_no_text_is_refused(robot: Baxter, path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="no text: line 1"):
+        read_recording(path, robot)
 
-    @pytest.mark.parametrize(
-        ("name", "words"), [("no.csv", "No such file"), ("folder.csv", "directory")]
-    )
-    def test_what_cannot_be_read(
-        self, robot: Baxter, tmp_path: Path, name: str, words: str
-    ) -> None:
-        (tmp_path / "folder.csv").mkdir()
-        with pytest.raises(RecordingError, match=f"cannot read .*{words}|not a regular file"):
-            read_recording(tmp_path / name, robot)
+
+def test_a_little_beyond_a_limit_is_kept_with_a_note(robot: Baxter, path: Path) -> None:
+    assert LIMIT_SLACK_RAD == 0.04
+    line = lines_at([0.0])[0].replace(NUMBER, f"{2.618 + LIMIT_SLACK_RAD - 1e-6:.9f}")
+    assert read_recording(write(path, HEADER, line), robot).notes
 
 
 ARM = ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]
@@ -702,16 +569,13 @@ class TestOneArm:
         missing = () if gripper else (f"the {side} gripper was not recorded: shown open",)
         assert notes == (f"the {other} arm was not recorded: shown in neutral", *missing)
 
-    def test_its_name_says_so(self, robot: Baxter, path: Path) -> None:
-        found = read_recording(write(path, *one_arm("right", gripper=True)), robot).recording
-        assert "right arm alone" in repr(found)
-
     @pytest.mark.parametrize("side", ["left", "right"])
     def test_written_again_it_has_that_arm_alone(
         self, robot: Baxter, path: Path, side: str
     ) -> None:
         lines = one_arm(side, gripper=True)
         found = read_recording(write(path, *lines), robot).recording
+        assert f"{side} arm alone" in repr(found)
         again = path.with_name("again.csv")
         write_csv(found, again)
         assert again.read_text("ascii").splitlines()[0] == lines[0]
@@ -719,11 +583,8 @@ class TestOneArm:
         assert back.limbs == (side,)
         np.testing.assert_array_equal(back.q, found.q)
         np.testing.assert_array_equal(back.gripper_percent, found.gripper_percent)
-
-    def test_mcap_keeps_which_arm_it_is(self, robot: Baxter, path: Path) -> None:
-        found = read_recording(write(path, *one_arm("right", gripper=True)), robot).recording
         save_recording(found, path.with_suffix(".mcap"))
-        assert read_recording(path.with_suffix(".mcap")).recording.limbs == ("right",)
+        assert read_recording(path.with_suffix(".mcap")).recording.limbs == (side,)
 
     def test_the_gripper_of_the_other_hand_is_read(self, robot: Baxter, path: Path) -> None:
         lines = one_arm("left", gripper=False)
@@ -733,13 +594,7 @@ class TestOneArm:
         assert found.gripper_percent[:, 1].tolist() == [40.0] * 3
         assert "the left gripper was not recorded: shown open" in notes
 
-    def test_an_arm_that_lacks_a_joint_is_refused_by_its_name(
-        self, robot: Baxter, path: Path
-    ) -> None:
-        lines = [line.replace("right_w2,", "") for line in (HEADER, *lines_at([0.0]))]
-        with pytest.raises(RecordingError, match="has no column right_w2"):
-            read_recording(write(path, *lines), robot)
-
+    @settings(max_examples=20)
     @given(
         st.sampled_from(["left", "right"]),
         st.permutations([*ARM, "gripper"]),
@@ -808,22 +663,3 @@ class TestWrittenByOthers:
         found, notes = read_recording(write(path, HEADER, first, "# grasped", second), robot)
         assert len(found.times_s) == 2
         assert notes == ("1 comment among the rows: left out",)
-
-    @pytest.mark.parametrize(
-        ("lines", "words"),
-        [
-            (["# nothing else"], "is empty"),
-            ([HEADER, f"0.0,{ROW},,7"], "line 2: 19 fields under 17 columns"),
-            (["time,x,y,z", "0.0,1,2,3"], "has no column left_s0, left_s1, left_e0 ..."),
-            (["left_s0;time", "0,5;1,2"], "has no column left_s1"),
-            (
-                [HEADER.replace(",", ";"), lines_at([0.0])[0].replace(",", ";").replace(".", ",")],
-                "time",
-            ),
-        ],
-    )
-    def test_what_has_no_one_meaning_is_refused(
-        self, robot: Baxter, path: Path, lines: list[str], words: str
-    ) -> None:
-        with pytest.raises(RecordingError, match=words):
-            read_recording(write(path, *lines), robot)

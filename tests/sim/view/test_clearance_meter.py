@@ -149,7 +149,7 @@ def test_no_link_is_nearer_to_a_body_by_other_code(
     links = {shapes.links[i] for i in shapes.of_arm(arm) & shapes.wholes}
     others = [box for each in bodies.values() for box in boxes_of(each)]
     compared = 0
-    for q in [*executed.q[270::90], *configurations(robot, 2)]:
+    for q in [*executed.q[270::180], *configurations(robot, 1)]:
         near = nearest(meter, q, poses)
         least = min(
             distance_m(object_of(surface_of(link, robot, q)), box) - body.links[link].margin_m

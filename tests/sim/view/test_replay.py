@@ -38,11 +38,9 @@ JOINT_TOLERANCE_M = 1e-3
 
 
 @pytest.fixture(scope="module")
-def replay_file(
-    tmp_path_factory: pytest.TempPathFactory, robot: Baxter, recording: Recording
-) -> Path:
+def replay_file(tmp_path_factory: pytest.TempPathFactory, replay: Replay) -> Path:
     path = tmp_path_factory.mktemp("replay") / "replay.html"
-    write_replay(path, recording, robot, title="Pick </script><b>& place")
+    path.write_text(replay.html, "utf-8")
     return path
 
 
@@ -68,7 +66,7 @@ def loaded(browser: Browser, replay_file: Path) -> Iterator[Watched]:
 
 
 @pytest.fixture
-def replay(loaded: Watched) -> Watched:
+def watching(loaded: Watched) -> Watched:
     """The page, paused at the beginning."""
     loaded.run("replay.pause(); replay.seek(0)")
     loaded.page.check("#loop")
@@ -77,46 +75,47 @@ def replay(loaded: Watched) -> Watched:
     return loaded
 
 
-def seek(replay: Watched, time_s: float) -> None:
-    replay.run("time => replay.seek(time)", time_s)
+def seek(page: Watched, time_s: float) -> None:
+    page.run("time => replay.seek(time)", time_s)
 
 
-def test_shows_the_robot_and_asks_nobody_for_anything(replay: Watched, replay_file: Path) -> None:
-    assert red_pixels(replay.picture()) > 5000
-    assert replay.page.locator("#layer-body").count() == 0  # nor for the collision body
-    assert [url for url in replay.requests if not url.startswith("data:")] == [replay_file.as_uri()]
-    assert replay.errors == []
+def test_shows_the_robot_and_asks_nobody_for_anything(watching: Watched, replay_file: Path) -> None:
+    assert red_pixels(watching.picture()) > 5000
+    assert watching.page.locator("#layer-body").count() == 0  # nor for the collision body
+    assert [url for url in watching.requests if not url.startswith("data:")] == [
+        replay_file.as_uri()
+    ]
+    assert watching.errors == []
 
 
 def test_shows_the_body_and_the_meshes_each_alone(
-    watched: Watched, tmp_path: Path, recording: Recording, robot: Baxter
+    watched: Watched, tmp_path: Path, moment: Recording, robot: Baxter
 ) -> None:
     path = tmp_path / "body.html"
-    write_replay(path, recording, robot, body=RobotBody.load())
+    write_replay(path, moment, robot, body=RobotBody.load())
     watched.page.goto(path.as_uri())
     watched.page.wait_for_function("replay.ready")
     watched.run("replay.pause()")
     watched.page.click("#view-button")
     pixels = []
-    for layers in ((True, False), (False, True), (True, True)):
+    for layers in ((True, False), (False, True)):
         for box, is_shown in zip(("#layer-robot", "#layer-body"), layers, strict=True):
             watched.page.set_checked(box, is_shown)
         picture = watched.picture()
         pixels.append((red_pixels(picture), amber_pixels(picture)))
-    meshes, body, both = pixels
+    meshes, body = pixels
     assert meshes[0] > 5000
     assert meshes[1] < 100
     assert body[0] < 100
     assert body[1] > 20_000
-    assert min(both) > 1000
     assert watched.errors == []
 
 
-def test_the_block_appears_moves_and_disappears_when_time_goes_back(replay: Watched) -> None:
+def test_the_block_appears_moves_and_disappears_when_time_goes_back(watching: Watched) -> None:
     centres = []
     for time_s in (APPEARS_S - 0.1, APPEARS_S + 0.1, DURATION_S, 0.1):
-        seek(replay, time_s)
-        centres.append(green_centre(replay.picture()))
+        seek(watching, time_s)
+        centres.append(green_centre(watching.picture()))
     _, before, after, _ = centres
     assert [centre is None for centre in centres] == [True, False, False, True]
     assert before is not None
@@ -126,10 +125,10 @@ def test_the_block_appears_moves_and_disappears_when_time_goes_back(replay: Watc
 
 @pytest.mark.parametrize("row", [0, 77, 203, 300])
 def test_browser_puts_the_hand_where_pinocchio_does(
-    replay: Watched, robot: Baxter, recording: Recording, row: int
+    watching: Watched, robot: Baxter, recording: Recording, row: int
 ) -> None:
-    seek(replay, float(recording.times_s[row]))
-    shown = replay.run(
+    seek(watching, float(recording.times_s[row]))
+    shown = watching.run(
         """() => {
           viewer.render();
           const node = viewer.scene.getObjectByName("l_gripper_l_finger_joint").children[0];
@@ -143,49 +142,49 @@ def test_browser_puts_the_hand_where_pinocchio_does(
     assert np.abs(np.array(shown) - wanted).max() < JOINT_TOLERANCE_M
 
 
-def test_title_and_captions_are_text_and_follow_time(replay: Watched) -> None:
-    assert replay.page.title() == "Pick </script><b>& place"
-    assert replay.page.inner_text("#caption") == "start <here>"
-    seek(replay, 1.5)
-    assert replay.page.inner_text("#caption") == "pick 1: descend"
-    assert replay.page.inner_text("#time") == "1.5 / 3.0 s"
+def test_title_and_captions_are_text_and_follow_time(watching: Watched) -> None:
+    assert watching.page.title() == 'Pick </script><b>& "place"'
+    assert watching.page.inner_text("#caption") == "start <here>"
+    seek(watching, 1.5)
+    assert watching.page.inner_text("#caption") == "pick 1: descend"
+    assert watching.page.inner_text("#time") == "1.5 / 3.0 s"
 
 
-def test_buttons_play_and_pause(replay: Watched) -> None:
-    replay.page.click("#play")
-    replay.page.wait_for_function("replay.time > 0.2")
-    assert replay.page.inner_text("#play") == "Pause"
-    replay.page.click("#play")
-    assert replay.run("replay.playing") is False
+def test_buttons_play_and_pause(watching: Watched) -> None:
+    watching.page.click("#play")
+    watching.page.wait_for_function("replay.time > 0.2")
+    assert watching.page.inner_text("#play") == "Pause"
+    watching.page.click("#play")
+    assert watching.run("replay.playing") is False
 
 
 @pytest.mark.parametrize(
     ("key", "time_s"), [("ArrowRight", 0.1), ("End", DURATION_S), ("Home", 0.0)]
 )
-def test_keys_seek(replay: Watched, key: str, time_s: float) -> None:
-    replay.page.keyboard.press(key)
-    assert replay.run("replay.time") == pytest.approx(time_s)
+def test_keys_seek(watching: Watched, key: str, time_s: float) -> None:
+    watching.page.keyboard.press(key)
+    assert watching.run("replay.time") == pytest.approx(time_s)
 
 
-def test_space_bar_slider_and_speed(replay: Watched) -> None:
-    replay.page.keyboard.press("Space")
-    assert replay.run("replay.playing") is True
-    replay.run("replay.pause()")
-    replay.page.fill("#scrub", "2")
-    assert replay.run("replay.time") == pytest.approx(2.0)
-    replay.page.select_option("#speed", "4")
-    assert replay.run("replay.speed") == 4
+def test_space_bar_slider_and_speed(watching: Watched) -> None:
+    watching.page.keyboard.press("Space")
+    assert watching.run("replay.playing") is True
+    watching.run("replay.pause()")
+    watching.page.fill("#scrub", "2")
+    assert watching.run("replay.time") == pytest.approx(2.0)
+    watching.page.select_option("#speed", "4")
+    assert watching.run("replay.speed") == 4
 
 
-def test_at_the_end_it_begins_again_or_stops_when_not_looping(replay: Watched) -> None:
-    seek(replay, DURATION_S)
-    replay.run("replay.play()")
-    assert replay.run("replay.time") < 1.0
-    replay.page.uncheck("#loop")
-    seek(replay, DURATION_S - 0.2)
-    replay.run("replay.play()")
-    replay.page.wait_for_function("!replay.playing")
-    assert replay.run("replay.time") == pytest.approx(DURATION_S)
+def test_at_the_end_it_begins_again_or_stops_when_not_looping(watching: Watched) -> None:
+    seek(watching, DURATION_S)
+    watching.run("replay.play()")
+    assert watching.run("replay.time") < 1.0
+    watching.page.uncheck("#loop")
+    seek(watching, DURATION_S - 0.2)
+    watching.run("replay.play()")
+    watching.page.wait_for_function("!replay.playing")
+    assert watching.run("replay.time") == pytest.approx(DURATION_S)
 
 
 def step_start_s(executed: Recording, step: str) -> float:
@@ -269,12 +268,11 @@ def test_says_that_webgl_is_missing(watched: Watched, replay_file: Path) -> None
     assert watched.errors == []
 
 
-def test_plays_inside_a_notebook(watched: Watched, robot: Baxter, recording: Recording) -> None:
-    shown = Replay(recording, robot, height_px=400, title='"Pick" & <place>')
-    watched.page.set_content(shown._repr_html_())
+def test_plays_inside_a_notebook(watched: Watched, replay: Replay) -> None:
+    watched.page.set_content(replay._repr_html_())
     (frame,) = watched.page.main_frame.child_frames
     frame.wait_for_function("replay.ready && replay.time > 0.1")
-    assert frame.title() == '"Pick" & <place>'
+    assert frame.title() == 'Pick </script><b>& "place"'
     assert frame.evaluate("window.innerHeight") == 400
     assert watched.errors == []
     assert [url for url in watched.requests if not url.startswith(("data:", "about:"))] == []

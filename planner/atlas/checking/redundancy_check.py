@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,11 +26,12 @@ from baxter_kin.display import OneLine, shown_path
 from baxter_kin.ik import solutions
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import FloatArray, whole_scalar
+from planner.atlas.building import MapSource
+from planner.atlas.checking.null_space_walk import WALK_RAD, NullSpaceWalker, Walk
 from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.redundancy.freedom import Freedom
-from planner.atlas.redundancy.null_space_walk import WALK_RAD, NullSpaceWalker, Walk
-from planner.atlas.redundancy.redundancy_map import RedundancyMap, digest_of
+from planner.atlas.redundancy.redundancy_map import RedundancyMap
 from planner.atlas.redundancy.self_collision import SAMPLE_RAD
 from planner.collision.checker import ClearanceChecker
 from planner.collision.robot.robot_shapes import RobotShapes
@@ -133,6 +134,7 @@ def check_redundancy(
     *,
     cells: int = CELLS,
     seed: int = 0,
+    finders: int = FINDERS,
     engine: Engine | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> RedundancyCheck:
@@ -140,17 +142,16 @@ def check_redundancy(
 
     Args:
         found: the map.
-        reach_map: on which it stands.
-        cells: how many reachable cells to check; all when there are fewer.
-        seed: which are chosen.
-        engine: where; on all cores of this machine when not given.
-        progress: called with how many are done, and how many there are.
+        reach_map: the map that it was computed from.
+        cells: number of reachable cells to check; all when there are fewer.
+        seed: of the random choice.
+        finders: number of solvers that look for configurations of each cell.
+        engine: runs the work; all cores of this machine by default.
+        progress: called with the number of cells that are done, and that of all.
     """
     whole_scalar(cells, "cells", AtlasError, least=1, most=10**9)
-    if digest_of(reach_map) != found.reach_digest:
-        raise AtlasError(
-            f"{shown_path(found.path)} is not of the reach map {shown_path(reach_map.path)}"
-        )
+    whole_scalar(finders, "finders", AtlasError, least=1, most=100)
+    found.check_reach_map(reach_map)
     places = [
         (side, *place)
         for side in found.arms
@@ -159,31 +160,28 @@ def check_redundancy(
     if not places:
         raise AtlasError(f"no cell of {shown_path(found.path)} is computed and reachable")
     chosen = np.random.default_rng(seed).permutation(len(places))[:cells]
-    paths = str(found.path.resolve()), str(reach_map.path.resolve())
-    tasks = [(*paths, places[i]) for i in chosen.tolist()]
+    task = partial(check_cell, MapSource.of(found), MapSource.of(reach_map), finders)
     engine, checks = LocalPool() if engine is None else engine, []
-    for done, (_, check) in enumerate(engine.run(_check_cell, tasks), 1):
+    for done, (_, check) in enumerate(engine.run(task, [places[i] for i in chosen]), 1):
         checks.append(check)
         if progress is not None:
-            progress(done, len(tasks))
+            progress(done, len(chosen))
     return RedundancyCheck(tuple(sorted(checks)))
 
 
-def _check_cell(task: tuple[str, str, tuple[str, int, int, int, int]]) -> CellCheck:
-    """Check one cell.
-
-    Args:
-        task: the map's folder, the reach map's, and the arm and indices of the cell in the subset.
-    """
-    path, reach_path, (side, *place) = task
-    found = RedundancyMap(path)
-    subset, others = found.subset, tuple(found.q_others.tolist())
-    tools = _tools(reach_path, found.reach_digest, side, others)
-    axes = subset.x, subset.y, subset.z, subset.rotations
-    x, y, z, rotation = (axis[i] for axis, i in zip(axes, place, strict=True))
+def check_cell(
+    source: MapSource, reach_source: MapSource, finders: int, place: tuple[str, int, int, int, int]
+) -> CellCheck:
+    """Check one cell, given by its arm and its indices in the subset."""
+    found = source.open()
+    assert isinstance(found, RedundancyMap)
+    side, *at = place
+    tools = _tools(reach_source, side, tuple(found.q_others.tolist()), finders)
+    axes = found.subset.x, found.subset.y, found.subset.z, found.subset.rotations
+    x, y, z, rotation = (axis[i] for axis, i in zip(axes, at, strict=True))
     cell = found.cell(side, (x, y, z), rotation)
     if cell.freedom is None:
-        raise AtlasError(f"the cell {place} of {shown_path(path)} was removed meanwhile")
+        raise AtlasError(f"the cell {at} of {shown_path(found.path)} was removed meanwhile")
     name = f"{side}, position ({x}, {y}, {z}), rotation {rotation}"
     return tools.judge(name, cell.T_base_tip, cell.freedom)
 
@@ -191,10 +189,10 @@ def _check_cell(task: tuple[str, str, tuple[str, int, int, int, int]]) -> CellCh
 class _Tools:
     """The other code, for one arm."""
 
-    def __init__(self, reach_map: ReachMap, side: str, q_others: FloatArray) -> None:
+    def __init__(self, reach_map: ReachMap, side: str, q_others: FloatArray, finders: int) -> None:
         robot = reach_map.robot
         self._ik, self._walker = IKService(robot.arm(side)), NullSpaceWalker(robot, side)
-        self._finders = [PoseFinder(robot, side, seed=seed) for seed in range(FINDERS)]
+        self._finders = [PoseFinder(robot, side, seed=seed) for seed in range(finders)]
         checker = ClearanceChecker(RobotShapes(robot), robot.arm(side), Scene({}))
         self._model, self._data = robot.model, robot.model.createData()
         self._geometry = checker.geometry.copy()
@@ -254,7 +252,8 @@ def _is_on(walk: Walk, q: FloatArray) -> bool:
 
 
 @lru_cache(maxsize=2)
-def _tools(reach_path: str, reach_digest: str, side: str, q_others: tuple[float, ...]) -> _Tools:
-    """Kept for the reach map of that digest."""
-    del reach_digest
-    return _Tools(ReachMap(reach_path), side, np.array(q_others))
+def _tools(reach_source: MapSource, side: str, q_others: tuple[float, ...], finders: int) -> _Tools:
+    """What a worker keeps between its cells; one for each arm."""
+    reach_map = reach_source.open()
+    assert isinstance(reach_map, ReachMap)
+    return _Tools(reach_map, side, np.array(q_others), finders)

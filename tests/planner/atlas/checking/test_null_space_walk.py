@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from planner.atlas.redundancy.null_space_walk import WALK_RAD, NullSpaceWalker
+from planner.atlas.checking.null_space_walk import WALK_RAD, NullSpaceWalker
 
 
 def test_a_walk_keeps_the_pose_and_the_limits(robot: Baxter, left: Arm) -> None:
