@@ -49,6 +49,12 @@ Rows: TypeAlias = tuple[NDArray[Any], ...]
 STATUSES = {UNREACHABLE: "unreachable", UNDECIDED: "undecided", NOT_COMPUTED: "not computed"}
 """Of cells that have a code in the first layer in place of a value."""
 
+EDGE = 8
+"""Positions along each side of a block in most maps; one task computes one block."""
+
+MIN_LARGE_BLOCKS = 4096
+"""Minimum number of blocks with an edge above `EDGE`, so that workers can share them."""
+
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
 
@@ -146,6 +152,26 @@ class BlockGrid(NamedTuple):
 
     shape: tuple[int, ...]
     edge: int
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...], rotations: int, max_cells: int) -> BlockGrid:
+        """Blocks that have at most so many cells, or one position.
+
+        The edge is at most `EDGE`, except on large grids of few rotations, where that saves files.
+
+        Args:
+            shape: number of arms, and of positions along x, y and z.
+            rotations: number of cells of a position.
+            max_cells: maximum for a block.
+        """
+        edge = EDGE
+        while edge > 1 and edge**3 * rotations > max_cells:
+            edge //= 2
+        while (2 * edge) ** 3 * rotations <= max_cells and (
+            math.prod(shape[1:]) >= MIN_LARGE_BLOCKS * (2 * edge) ** 3
+        ):
+            edge *= 2
+        return cls(shape, edge)
 
     @property
     def blocks(self) -> Blocks:

@@ -53,6 +53,9 @@ from planner.errors import AtlasError
 MOST_CELLS = 10**6
 """Some core hours, at about 15 ms for each that is reachable; more must be asked for."""
 
+MAX_CELLS_PER_BLOCK = 1000
+"""Maximum number of cells of a block, so that a task takes seconds."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RedundancyCell:
@@ -95,8 +98,8 @@ class RedundancyDefinition:
             if q_others is None
             else finite_array(q_others, (len(robot.joint_names),), "q_others", ConfigurationError)
         )
-        x, y, z = subset.shape
-        self.grid = BlockGrid((len(subset.arms), x, y, z), subset.block_edge)
+        shape = len(subset.arms), *subset.shape
+        self.grid = BlockGrid.of(shape, len(subset.rotations), MAX_CELLS_PER_BLOCK)
 
     @property
     def attributes(self) -> dict[str, Any]:
