@@ -26,7 +26,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine
 from baxter_kin.validation import FloatArray, Indices
 from planner.atlas.block_map import STATUSES, Block, BlockGrid, BlockMap, Kind, Layer, explained
-from planner.atlas.building import BlockReport, build
+from planner.atlas.building import BlockReport, build, check_size
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_search import (
     NOT_COMPUTED,
@@ -79,6 +79,8 @@ class ReachDefinition:
         rotations: of the tip, at every position.
         arms: such as ("left", "right").
     """
+
+    sources: tuple[Path, ...] = ()
 
     def __init__(
         self,
@@ -359,9 +361,8 @@ def build_reach_map(
     positions = PositionGrid.around(robot) if positions is None else positions
     rotations = RotationGrid.hopf() if rotations is None else rotations
     definition = ReachDefinition(robot, positions, rotations, arms)
-    return build(
-        ReachMap, Path(path), definition, engine=engine, max_cells=most_cells, progress=progress
-    )
+    check_size(definition, most_cells)
+    return build(ReachMap, Path(path), definition, engine=engine, progress=progress)
 
 
 # Contents ----------------------------------------------------------------------------------------
