@@ -31,9 +31,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from baxter_kin.display import millimetres_hint, name_hint, nearest_name
 from baxter_kin.errors import BaxterError, ConfigurationError, DescriptionError, FileError
 from baxter_kin.files import Destination
-from baxter_kin.hints import millimetres_hint, name_hint, nearest_name
 
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount

@@ -41,7 +41,7 @@ NEEDED = "hypothesis ipywidgets jsonschema playwright psutil pytest pytest-xdist
 TESTS = """
 tests/test_set_up.py
 tests/sim/demo/test_process.py tests/test_public_surface.py tests/test_readme.py
-tests/test_copying.py tests/baxter_kin/test_validation.py tests/baxter_kin/test_json_data.py
+tests/test_copying.py tests/baxter_kin/test_validation.py tests/baxter_kin/files/test_json_data.py
 tests/baxter_kin/test_command_line.py tests/baxter_kin/distribution
 tests/baxter_kin/ik/test_service.py tests/planner/test_plan_file.py tests/planner/motion/test_rrt.py
 tests/planner/motion/test_without_ompl.py

@@ -33,7 +33,7 @@ from baxter_kin.command_line import (
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.kinematics.arm import LIMBS, Arm
-from baxter_kin.model import Baxter
+from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.parallel import Engine
 
 SCENARIOS = tuple(scenario.value for scenario in Scenario)

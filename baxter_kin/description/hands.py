@@ -33,11 +33,10 @@ from baxter_kin.description.urdf import (
     UrdfShape,
     below,
 )
-from baxter_kin.display import count, position, quoted
+from baxter_kin.display import count, millimetres_hint, position, quoted
 from baxter_kin.errors import ConfigurationError, DescriptionError
 from baxter_kin.fields import FrozenMapping, evolve, field, frozen
 from baxter_kin.frames import checked_pose
-from baxter_kin.hints import millimetres_hint
 
 SIDES = ("left", "right")
 

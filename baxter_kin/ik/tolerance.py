@@ -20,10 +20,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import quoted
+from baxter_kin.display import degrees_hint, quoted
 from baxter_kin.errors import RequestError, UnknownNameError
 from baxter_kin.fields import field, frozen, scalar
-from baxter_kin.hints import degrees_hint
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, float_array
 

@@ -15,7 +15,11 @@ from baxter_kin.display import quoted, shortened
 from baxter_kin.errors import ConfigurationError, DescriptionError, LimitsError, UnknownNameError
 from baxter_kin.frames import checked_pose
 from baxter_kin.kinematics.joint_chain import JointChain
-from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
+from baxter_kin.kinematics.limits import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    DEFAULT_JERK_RAD_S3,
+    JointLimits,
+)
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 
 LIMBS = ("left", "right")

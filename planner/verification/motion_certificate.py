@@ -19,8 +19,8 @@ from baxter_kin.display import clear, count, quoted, seconds, shown_path
 from baxter_kin.errors import FileError, UnknownNameError
 from baxter_kin.fields import array, evolve, frozen, sequence
 from baxter_kin.files import PathLike, replace_file
-from baxter_kin.json_data import to_json
-from baxter_kin.json_text import Json, as_lines
+from baxter_kin.files.json_data import to_json
+from baxter_kin.files.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
     FloatArray,

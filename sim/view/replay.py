@@ -15,7 +15,7 @@ from baxter_kin import Baxter
 from baxter_kin.display import OneLine, shown_path
 from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike, replace_file
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, expect_all, positive_scalar
 from planner import Plan
 from planner.collision.robot.robot_body import RobotBody, fitted

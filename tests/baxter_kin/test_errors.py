@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from baxter_kin import BaxterError
-from baxter_kin.display import MAX_NAME, MAX_QUOTE
+from baxter_kin.display import MAX_NAME, MAX_QUOTE, nearest_name
 from baxter_kin.errors import FileError, UnknownNameError
-from baxter_kin.hints import nearest_name
 from baxter_kin.validation import finite_array, finite_scalar
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from baxter_kin.command_line import UsageError, file_to_write, flag, option
 from baxter_kin.errors import PoseError, UnknownNameError
 from baxter_kin.files import replace_file
-from baxter_kin.json_text import Json, as_lines
+from baxter_kin.files.json_text import Json, as_lines
 from planner.errors import AtlasError
 
 NAME = "planner.atlas"

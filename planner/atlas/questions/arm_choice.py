@@ -20,7 +20,7 @@ from baxter_kin.errors import PoseError
 from baxter_kin.fields import frozen, mapping
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.limits import JointLimits
+from baxter_kin.kinematics.limits import JointLimits
 from baxter_kin.validation import FloatArray, expect
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError

@@ -28,9 +28,9 @@ import pinocchio as pin
 from baxter_kin.display import shown_path
 from baxter_kin.errors import BaxterError, FileError
 from baxter_kin.files import PathLike, open_to_read
+from baxter_kin.files.json_data import from_json
+from baxter_kin.files.json_text import from_text
 from baxter_kin.frames import pose_from_quaternion
-from baxter_kin.json_data import from_json
-from baxter_kin.json_text import from_text
 from planner.atlas.questions.placement import FLOOR_M, PlacementGrid
 from planner.atlas.questions.table_task import TableTask, TableTransfer, Visit
 from planner.errors import AtlasError

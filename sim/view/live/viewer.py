@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.display import quoted
 from baxter_kin.fields import NotCopied
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array
 from planner import Body, Scene, State
 from sim.errors import ViewerError

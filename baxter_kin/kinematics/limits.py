@@ -23,10 +23,9 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import count, phrase, quoted, shortened
+from baxter_kin.display import count, degrees_hint, phrase, quoted, shortened
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, array, evolve, field, frozen, mapping
-from baxter_kin.hints import degrees_hint
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin.errors import BaxterError
-from baxter_kin.json_text import as_lines, as_text, from_text
+from baxter_kin.files.json_text import as_lines, as_text, from_text
 
 FINITE = st.floats(-1e30, 1e30)
 JSON = st.recursive(

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.display import MAX_NAME, quoted, shortened
 from baxter_kin.errors import BaxterError
-from baxter_kin.json_text import Json, UnfitError
+from baxter_kin.files.json_text import Json, UnfitError
 from baxter_kin.validation import FloatArray, type_name
 
 MAX_DIMENSIONS = 3

@@ -17,10 +17,10 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from baxter_kin.errors import PoseError
-from baxter_kin.json_data import from_json, plain_data, to_json
-from baxter_kin.json_text import as_text, from_text
+from baxter_kin.files.json_data import from_json, plain_data, to_json
+from baxter_kin.files.json_text import as_text, from_text
 from baxter_kin.validation import FloatArray
-from tests.baxter_kin.test_json_text import FINITE, JSON, FileProblemError
+from tests.baxter_kin.files.test_json_text import FINITE, JSON, FileProblemError
 
 
 class Mood(str, Enum):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, JointLimits
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
-from baxter_kin.limits import PRESETS
+from baxter_kin.kinematics.limits import PRESETS
 
 
 def limits(**changes: object) -> JointLimits:
