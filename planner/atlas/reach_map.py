@@ -42,7 +42,7 @@ from planner.atlas.reach_search import (
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
 
-MOST_CELLS = 10**10
+MAX_CELLS = 10**10
 """More than the finest grids that a group of machines computes in days; more must be asked for."""
 
 MAX_CELLS_PER_BLOCK = 600_000
@@ -332,7 +332,7 @@ def build_reach_map(
     arms: tuple[str, ...] = LIMBS,
     *,
     engine: Engine | None = None,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     progress: Callable[[int, int, BlockReport], object] | None = None,
 ) -> ReachMap:
     """Compute a map, or what is missing of it.

@@ -58,7 +58,7 @@ from planner.atlas.building import (
 )
 from planner.atlas.checking.reach_check import (
     CELLS,
-    MAX_CELLS,
+    MAX_CHECKED_CELLS,
     NEAR_LIMITS_RAD,
     MapCheck,
     check_map,
@@ -78,7 +78,7 @@ from planner.atlas.commands.console import (
 )
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import (
-    MOST_CELLS,
+    MAX_CELLS,
     ArmContents,
     ReachDefinition,
     ReachMap,
@@ -197,10 +197,10 @@ class Build:
     max_cells: int = option(
         "--most-cells",
         type=_cells,
-        default=MOST_CELLS,
+        default=MAX_CELLS,
         metavar="N",
         group=COST,
-        help=f"how many cells a map may have (default: {MOST_CELLS:.0e})",
+        help=f"how many cells a map may have (default: {MAX_CELLS:.0e})",
     )
     report: ReportOptions = part(ReportOptions)
 
@@ -533,7 +533,7 @@ class Verify:
     path: Path = map_argument()
     cells: int = option(
         "--cells",
-        type=whole_number(1, MAX_CELLS),
+        type=whole_number(1, MAX_CHECKED_CELLS),
         default=CELLS,
         metavar="N",
         help="how many to check, half of them next to the boundary",
@@ -733,7 +733,7 @@ class Redundancy:
     max_cells: int = option(
         "--most-cells",
         type=whole_number(1),
-        default=redundancy_map.MOST_CELLS,
+        default=redundancy_map.MAX_CELLS,
         metavar="N",
         group=WORK,
         help="cells that the map may have at most",

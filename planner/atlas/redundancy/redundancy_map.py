@@ -50,7 +50,7 @@ from planner.atlas.rotations import RotationGrid
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import AtlasError
 
-MOST_CELLS = 10**6
+MAX_CELLS = 10**6
 """Some core hours, at about 15 ms for each that is reachable; more must be asked for."""
 
 MAX_CELLS_PER_BLOCK = 1000
@@ -353,7 +353,7 @@ def build_redundancy_map(
     *,
     q_others: ArrayLike | None = None,
     engine: Engine | None = None,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     progress: Callable[[int, int, BlockReport], object] | None = None,
 ) -> RedundancyMap:
     """Compute a map, or what is missing of it.
