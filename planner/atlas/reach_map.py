@@ -103,7 +103,7 @@ class ReachDefinition:
             if edge is None
             else BlockGrid(shape, edge)
         )
-        self.sample = -(-2 * PAIRS // len(rotations.R_base_tips))
+        self.sample = -(-8 * PAIRS // len(rotations.R_base_tips))  # few batches are not full
 
     @property
     def attributes(self) -> dict[str, Any]:
