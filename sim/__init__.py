@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sim.view.live.viewer import Viewer as Viewer
     from sim.view.replay import Replay as Replay
     from sim.view.replay import write_replay as write_replay
-    from sim.workbench.task_result import TaskResult as TaskResult
+    from sim.workbench.workbench import TaskResult as TaskResult
     from sim.workbench.workbench import Workbench as Workbench
     from sim.world.gripper import Closing as Closing
     from sim.world.world import World as World
@@ -59,7 +59,7 @@ __all__, __getattr__ = lazy(
         "Simulation": "sim.simulation",
         "SimulationError": "sim.errors",
         "Snapshot": "sim.events",
-        "TaskResult": "sim.workbench.task_result",
+        "TaskResult": "sim.workbench.workbench",
         "TipTarget": "sim.view.live.tip_target",
         "Transfer": "sim.perception.closed_loop",
         "TruePoses": "sim.perception.pose_source",
