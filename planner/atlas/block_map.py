@@ -244,11 +244,13 @@ class MapDefinition(Protocol):
         arms: such as ("left", "right").
         grid: arms and positions in blocks.
         sample: number of positions that are efficiently computed together.
+        sources: paths of the maps that it is computed from.
     """
 
     arms: tuple[str, ...]
     grid: BlockGrid
     sample: int
+    sources: tuple[Path, ...]
 
     @property
     def attributes(self) -> dict[str, Any]:

@@ -109,15 +109,12 @@ class MapSource(NamedTuple):
         return found
 
 
-def existing_map(
-    kind: type[_Map], path: Path, definition: MapDefinition, max_cells: int
-) -> _Map | None:
+def existing_map(kind: type[_Map], path: Path, definition: MapDefinition) -> _Map | None:
     """The map at a path, which must be the defined one; None if one can be created there.
 
     Raises:
-        AtlasError: when it is another one, or has too many cells.
+        AtlasError: when it is another one.
     """
-    check_size(cells_of(definition), max_cells)
     if not is_map(path):
         return None
     found = kind(path)
@@ -130,10 +127,8 @@ def build(
     path: Path,
     definition: MapDefinition,
     *,
-    sources: tuple[Path, ...] = (),
-    engine: Engine | None,
-    max_cells: int,
-    progress: Callable[[int, int, BlockReport], object] | None,
+    engine: Engine | None = None,
+    progress: Callable[[int, int, BlockReport], object] | None = None,
 ) -> _Map:
     """Compute the missing blocks of a map, which is created if there is none.
 
@@ -141,20 +136,18 @@ def build(
         kind: class of the map.
         path: its folder.
         definition: what it is of.
-        sources: paths of the maps that it is computed from.
         engine: runs the work; all cores of this machine by default.
-        max_cells: maximum number of cells.
         progress: called for each block with the number of blocks that are done, that of all, and
             the block's report.
     """
-    found = existing_map(kind, path, definition, max_cells)
+    found = existing_map(kind, path, definition)
     if found is None:
         found = kind.create_from(path, definition)
     found.remove_leftovers()
     engine = LocalPool() if engine is None else engine
     missing, total = found.missing_blocks(), len(found.blocks)
-    done, task = total - len(missing), partial(compute_block, MapSource.of(found, *sources))
-    for _, report in engine.run(task, missing):
+    done, source = total - len(missing), MapSource.of(found, *definition.sources)
+    for _, report in engine.run(partial(compute_block, source), missing):
         done += 1
         if found.note_machine(report.machine):
             _LOG.warning(
@@ -198,14 +191,15 @@ def cells_of(definition: MapDefinition) -> int:
     return math.prod(definition.grid.shape) * _cells_each(definition)
 
 
-def check_size(cells: int, max_cells: int, option: str = "most_cells") -> None:
+def check_size(definition: MapDefinition, max_cells: int, option: str = "most_cells") -> None:
     """Refuse a map with too many cells.
 
     Args:
-        cells: number of its cells.
+        definition: what it is of.
         max_cells: maximum.
         option: what the message calls the maximum.
     """
+    cells = cells_of(definition)
     if cells > max_cells:
         raise AtlasError(
             f"the map would have {cells:.3g} cells, and at most {max_cells:.3g} are allowed; take "

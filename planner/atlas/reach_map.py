@@ -26,7 +26,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine
 from baxter_kin.validation import FloatArray, Indices
 from planner.atlas.block_map import STATUSES, Block, BlockGrid, BlockMap, Kind, Layer, explained
-from planner.atlas.building import BlockReport, build
+from planner.atlas.building import BlockReport, build, check_size
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_search import (
     NOT_COMPUTED,
@@ -42,7 +42,7 @@ from planner.atlas.reach_search import (
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
 
-MOST_CELLS = 10**10
+MAX_CELLS = 10**10
 """More than the finest grids that a group of machines computes in days; more must be asked for."""
 
 MAX_CELLS_PER_BLOCK = 600_000
@@ -79,6 +79,8 @@ class ReachDefinition:
         rotations: of the tip, at every position.
         arms: such as ("left", "right").
     """
+
+    sources: tuple[Path, ...] = ()
 
     def __init__(
         self,
@@ -330,7 +332,7 @@ def build_reach_map(
     arms: tuple[str, ...] = LIMBS,
     *,
     engine: Engine | None = None,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     progress: Callable[[int, int, BlockReport], object] | None = None,
 ) -> ReachMap:
     """Compute a map, or what is missing of it.
@@ -359,9 +361,8 @@ def build_reach_map(
     positions = PositionGrid.around(robot) if positions is None else positions
     rotations = RotationGrid.hopf() if rotations is None else rotations
     definition = ReachDefinition(robot, positions, rotations, arms)
-    return build(
-        ReachMap, Path(path), definition, engine=engine, max_cells=most_cells, progress=progress
-    )
+    check_size(definition, most_cells)
+    return build(ReachMap, Path(path), definition, engine=engine, progress=progress)
 
 
 # Contents ----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Follows a self-motion by nothing that `baxter_kin` uses: Pinocchio's Jacobian, small fixed steps.
+"""Follows a self-motion without code of `baxter_kin`: Pinocchio's Jacobian, small fixed steps.
 
 Each step goes along the null vector of the Jacobian and is corrected to the pose by damped least
 squares; it ends where a joint leaves the URDF's limits. What adaptive continuation and cuts on
@@ -17,10 +17,10 @@ from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 
 WALK_RAD = 0.005
-"""Of a step."""
+"""Length of a step."""
 
-MOST_STEPS = 20_000
-"""Of a walk in one direction: 100 rad; the longest pieces have 30."""
+MAX_STEPS = 20_000
+"""Number of steps in one direction: 100 rad; the longest pieces have 30."""
 
 CORRECTIONS, DAMPING = 4, 1e-12
 
@@ -76,7 +76,7 @@ class NullSpaceWalker:
     ) -> tuple[list[FloatArray], float, bool]:
         """Points after the first, what is left to a limit or the start, and whether it closed."""
         q, points = start, list[FloatArray]()
-        for number in range(MOST_STEPS):
+        for number in range(MAX_STEPS):
             tried = self._corrected(T, q + WALK_RAD * tangent)
             chord = tried - q
             if number > 2 and np.linalg.norm(tried - start) < WALK_RAD:

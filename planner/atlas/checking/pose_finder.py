@@ -1,11 +1,11 @@
-"""Looks for a configuration that reaches a pose, by nothing that the solvers of `baxter_kin` use.
+"""Searches for a configuration that reaches a pose, without code of the solvers of `baxter_kin`.
 
 The model is read from the text of the URDF by Pinocchio, and so are the joints and their limits.
 Bounded least squares by Levenberg and Marquardt's damping, with joints held at limits that they are
 pushed against (projected Newton; Bertsekas 1982), from many starts at a time: those nearest to the
 pose of many random configurations, then random ones. Whether a configuration counts is decided by
-Pinocchio on the model of the whole robot. To find none is not a proof; how often it finds one where
-there is one, its power, is to be measured beside.
+Pinocchio on the model of the whole robot. Finding none is not a proof; the share of reachable poses
+for which it finds one, its power, has to be measured.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ TOLERANCE = 1e-6
 """How near a configuration must come to a pose to reach it, m and rad."""
 
 NEAREST, RANDOM = 16, 64
-"""How many starts are near, and how many random ones follow where these find nothing."""
+"""Number of near starts, and of random ones that follow if these find nothing."""
 
 LIBRARY = 20_000
 """Random configurations that the nearest are chosen from."""
 
 STEPS, STALLED_STEPS, GAIN = 60, 8, 0.02
-"""Steps at most, and after how many that gain less than this share each search gives up."""
+"""Maximum number of steps, and of steps in a row with less than this gain."""
 
 ROTATION_M = 0.3
-"""What a radian counts for, beside metres, where distances of poses are compared."""
+"""Weight of a radian, in metres, in distances of poses."""
 
-_LEAST_SINE = 1e-12
+_MIN_SINE = 1e-12
 
 
 class PoseFinder:
@@ -151,7 +151,7 @@ class PoseFinder:
         )
         size = np.linalg.norm(sine, axis=1)
         angle = np.arctan2(size, np.trace(W, axis1=1, axis2=2) - 1.0)
-        turned = sine * (angle / np.maximum(size, _LEAST_SINE))[:, None]
+        turned = sine * (angle / np.maximum(size, _MIN_SINE))[:, None]
         return np.concatenate([T_base_tip.translation - p, turned], axis=1), J
 
     def _tips(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -41,7 +41,7 @@ from planner.atlas.reach_search import (
 )
 from planner.errors import AtlasError
 
-CELLS, MAX_CELLS = 20_000, 10**7
+CELLS, MAX_CHECKED_CELLS = 20_000, 10**7
 
 NEAR_LIMITS_RAD = 0.02
 """Witnesses with a smaller margin are near the limits."""
@@ -121,7 +121,7 @@ def check_map(
         on_block: called after each block that was read.
         on_cells: called with the number of cells that were checked since its last call.
     """
-    whole_scalar(cells, "cells", AtlasError, least=1, most=MAX_CELLS)
+    whole_scalar(cells, "cells", AtlasError, least=1, most=MAX_CHECKED_CELLS)
     engine = LocalPool() if engine is None else engine
     computed, source = found.computed_blocks(), MapSource.of(found)
     if not computed:

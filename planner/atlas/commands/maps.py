@@ -58,7 +58,7 @@ from planner.atlas.building import (
 )
 from planner.atlas.checking.reach_check import (
     CELLS,
-    MAX_CELLS,
+    MAX_CHECKED_CELLS,
     NEAR_LIMITS_RAD,
     MapCheck,
     check_map,
@@ -78,7 +78,7 @@ from planner.atlas.commands.console import (
 )
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import (
-    MOST_CELLS,
+    MAX_CELLS,
     ArmContents,
     ReachDefinition,
     ReachMap,
@@ -197,10 +197,10 @@ class Build:
     max_cells: int = option(
         "--most-cells",
         type=_cells,
-        default=MOST_CELLS,
+        default=MAX_CELLS,
         metavar="N",
         group=COST,
-        help=f"how many cells a map may have (default: {MOST_CELLS:.0e})",
+        help=f"how many cells a map may have (default: {MAX_CELLS:.0e})",
     )
     report: ReportOptions = part(ReportOptions)
 
@@ -253,7 +253,7 @@ class Build:
             arms = LIMBS if found is None else found.arms
             arms = arms if self.arm is None else ARMS[self.arm]
             definition = ReachDefinition(robot, positions, rotations, arms)
-            check_size(cells_of(definition), self.max_cells, "--most-cells")
+            check_size(definition, self.max_cells, "--most-cells")
         return definition
 
     def _is_wanted(self, cost: Cost) -> bool:
@@ -277,32 +277,25 @@ class Build:
         self, definition: ReachDefinition, missing: Blocks, cost: Cost, engine: Engine
     ) -> int:
         """Compute what is missing; returns the exit status."""
-        reports, is_stopped, begun_s = list[BlockReport](), False, time.monotonic()
+        statuses = dict.fromkeys(("reachable", "unreachable", "undecided"), 0)
+        blocks, core_s, is_stopped, begun_s = 0, 0.0, False, time.monotonic()
         try:
             with progress("build", len(missing), "block", is_quiet=self.report.is_quiet) as advance:
 
                 def add(_done: int, _total: int, report: BlockReport) -> None:
-                    reports.append(report)
+                    nonlocal blocks, core_s
+                    blocks, core_s = blocks + 1, core_s + report.time_s
+                    for name in statuses:
+                        statuses[name] += getattr(report, name)
                     advance(1)
 
-                build(
-                    ReachMap,
-                    self.path,
-                    definition,
-                    engine=engine,
-                    max_cells=cells_of(definition),
-                    progress=add,
-                )
+                build(ReachMap, self.path, definition, engine=engine, progress=add)
         except KeyboardInterrupt:
             is_stopped = True
-            stored = f"{len(reports)} of {len(missing)} blocks are stored and stay"
+            stored = f"{blocks} of {len(missing)} blocks are stored and stay"
             complain(f"stopped by Ctrl-C; {stored}; the same command goes on")
         wall_s, size = time.monotonic() - begun_s, bytes_on_disk(self.path)
-        core_s, cells = sum(each.time_s for each in reports), sum(each.cells for each in reports)
-        statuses = {
-            name: sum(getattr(each, name) for each in reports)
-            for name in ("reachable", "unreachable", "undecided")
-        }
+        cells = sum(statuses.values())
         on_disk = f"the map takes {shown_bytes(size)} on disk"
         if cells:
             reachable, unreachable, undecided = (shown_share(n, cells) for n in statuses.values())
@@ -327,7 +320,7 @@ class Build:
                     "positions_measured": cost.measured,
                 },
                 "computed": {
-                    "blocks": len(reports),
+                    "blocks": blocks,
                     "cells": cells,
                     **statuses,
                     "core_s": core_s,
@@ -540,7 +533,7 @@ class Verify:
     path: Path = map_argument()
     cells: int = option(
         "--cells",
-        type=whole_number(1, MAX_CELLS),
+        type=whole_number(1, MAX_CHECKED_CELLS),
         default=CELLS,
         metavar="N",
         help="how many to check, half of them next to the boundary",
@@ -740,7 +733,7 @@ class Redundancy:
     max_cells: int = option(
         "--most-cells",
         type=whole_number(1),
-        default=redundancy_map.MOST_CELLS,
+        default=redundancy_map.MAX_CELLS,
         metavar="N",
         group=WORK,
         help="cells that the map may have at most",
@@ -769,7 +762,7 @@ class Redundancy:
         """
         reach_map = ReachMap(self.reach)
         definition = self._definition(reach_map)
-        found = existing_map(RedundancyMap, self.map, definition, self.max_cells)
+        found = existing_map(RedundancyMap, self.map, definition)
         missing = definition.grid.blocks if found is None else found.missing_blocks()
         if self.is_estimate or not self.is_quiet:
             say(f"missing: {estimate(definition, missing=missing, measure_s=self.measure_s)}")
@@ -781,9 +774,7 @@ class Redundancy:
                     RedundancyMap,
                     self.map,
                     definition,
-                    sources=(reach_map.path,),
                     engine=engine,
-                    max_cells=self.max_cells,
                     progress=lambda *_: advance(1),
                 )
             if not self.is_quiet:
@@ -806,8 +797,8 @@ class Redundancy:
                 every_rotation=self.every_rotation,
                 tool_axis=self.tool_axis,
             )
-            check_size(len(subset), self.max_cells, "--most-cells")
-        definition = RedundancyDefinition(reach_map, subset)
+            definition = RedundancyDefinition(reach_map, subset)
+            check_size(definition, self.max_cells, "--most-cells")
         definition.check_computed()
         return definition
 

@@ -41,7 +41,7 @@ from planner.atlas.block_map import (
     Rows,
     explained,
 )
-from planner.atlas.building import BlockReport, build
+from planner.atlas.building import BlockReport, build, check_size
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, RAD_PER_STEP, Cells, Steps, is_coaxial
 from planner.atlas.redundancy.freedom import MEASURES, Freedom, RedundancySearch
@@ -50,7 +50,7 @@ from planner.atlas.rotations import RotationGrid
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import AtlasError
 
-MOST_CELLS = 10**6
+MAX_CELLS = 10**6
 """Some core hours, at about 15 ms for each that is reachable; more must be asked for."""
 
 MAX_CELLS_PER_BLOCK = 1000
@@ -93,6 +93,7 @@ class RedundancyDefinition:
         subset.check(reach_map)
         robot = reach_map.robot
         self.reach_map, self.subset, self.arms = reach_map, subset, subset.arms
+        self.sources = (reach_map.path,)
         self.q_others: FloatArray = (
             robot.configuration()
             if q_others is None
@@ -352,7 +353,7 @@ def build_redundancy_map(
     *,
     q_others: ArrayLike | None = None,
     engine: Engine | None = None,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     progress: Callable[[int, int, BlockReport], object] | None = None,
 ) -> RedundancyMap:
     """Compute a map, or what is missing of it.
@@ -371,16 +372,9 @@ def build_redundancy_map(
             the block's report.
     """
     definition = RedundancyDefinition(reach_map, subset, q_others)
+    check_size(definition, most_cells)
     definition.check_computed()
-    return build(
-        RedundancyMap,
-        Path(path),
-        definition,
-        sources=(reach_map.path,),
-        engine=engine,
-        max_cells=most_cells,
-        progress=progress,
-    )
+    return build(RedundancyMap, Path(path), definition, engine=engine, progress=progress)
 
 
 def digest_of(reach_map: ReachMap) -> str:

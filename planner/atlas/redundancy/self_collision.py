@@ -1,4 +1,4 @@
-"""How much of a self-motion is free of self-collision, by samples."""
+"""The share of a self-motion that is free of self-collision, by samples."""
 
 from __future__ import annotations
 
@@ -18,15 +18,13 @@ from planner.collision.robot.robot_shapes import RobotShapes
 from planner.scene.bodies import Scene
 
 SAMPLE_RAD = 0.1
-"""Farthest that samples of a piece are apart. A collision, or a way out of one, that is shorter may
-lie between two of them."""
+"""Greatest distance of samples on a piece; a shorter collision, or a gap in one, may be missed."""
 
-LEAST_SAMPLES = 9
-"""Of each piece, however short."""
+MIN_SAMPLES = 9
+"""Number of samples of each piece, however short."""
 
 HALVINGS = 5
-"""Of the stretch between two samples of which one is free: where that changes is known to 0.003
-rad."""
+"""Bisections between two samples of which one is free: the change is located to 0.003 rad."""
 
 
 class SelfCollision:
@@ -65,14 +63,14 @@ class SelfCollision:
         return float(np.mean([self._context.is_free(curve.q[0]) for curve in curves]))
 
     def _free_rad(self, curve: SelfMotion) -> float:
-        """The length of a piece that is free, as far as its samples tell."""
+        """The free length of a piece, by its samples."""
         if curve.length_rad == 0.0:
             return 0.0
-        stretches = max(math.ceil(curve.length_rad / SAMPLE_RAD), LEAST_SAMPLES - 1)
-        s = np.linspace(0.0, curve.length_rad, stretches + 1)
+        intervals = max(math.ceil(curve.length_rad / SAMPLE_RAD), MIN_SAMPLES - 1)
+        s = np.linspace(0.0, curve.length_rad, intervals + 1)
         is_free = [self._context.is_free(q) for q in on_curve(curve, s)]
         free_rad = 0.0
-        for i in range(stretches):
+        for i in range(intervals):
             if is_free[i] and is_free[i + 1]:
                 free_rad += s[i + 1] - s[i]
             elif is_free[i]:
@@ -82,7 +80,7 @@ class SelfCollision:
         return free_rad
 
     def _until_contact(self, curve: SelfMotion, free: float, touching: float) -> float:
-        """How far it is free from one length along a piece towards another."""
+        """The free length from one sample of a piece towards another, in contact."""
         begin = free
         for _ in range(HALVINGS):
             middle = 0.5 * (free + touching)

@@ -48,4 +48,4 @@ def built(request: pytest.FixtureRequest, small_map: ReachMap, subset: Subset) -
         robot, positions, rotations = small_map.robot, small_map.positions, small_map.rotations
         return BuiltMap(small_map, ReachDefinition(robot, positions, rotations))
     found: RedundancyMap = request.getfixturevalue("redundancy_map")
-    return BuiltMap(found, RedundancyDefinition(small_map, subset), (small_map.path,))
+    return BuiltMap(found, RedundancyDefinition(small_map, subset))

@@ -22,7 +22,6 @@ class BuiltMap(NamedTuple):
 
     map: BlockMap
     definition: MapDefinition
-    sources: tuple[Path, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -37,17 +36,14 @@ class BuiltMap(NamedTuple):
         path: Path,
         *,
         engine: Engine | None = None,
-        definition: MapDefinition | None = None,
         progress: Callable[[int, int, BlockReport], object] | None = None,
     ) -> BlockMap:
         """Build what is missing of a map at a path, in this process by default."""
         return build(
             type(self.map),
             path,
-            self.definition if definition is None else definition,
-            sources=self.sources,
+            self.definition,
             engine=Serial() if engine is None else engine,
-            max_cells=10**9,
             progress=progress,
         )
 

@@ -91,7 +91,7 @@ def test_a_full_disk_ends_a_build_and_what_is_stored_stays_whole(
 def test_a_task_of_another_map_at_the_same_path_is_refused(built: BuiltMap) -> None:
     """A worker of a cluster may still know the map that was there before."""
     before = digests(built.path)
-    source = MapSource.of(built.map, *built.sources)._replace(identity="another map")
+    source = MapSource.of(built.map, *built.definition.sources)._replace(identity="another map")
     with pytest.raises(AtlasError, match="was replaced by another one"):
         compute_block(source, built.map.blocks[0])
     assert digests(built.path) == before
@@ -161,7 +161,7 @@ class SimulatedMap:
     Times differ from block to block as those of reach maps do, and some blocks take none.
     """
 
-    arms, sample, backend = ("left", "right"), 4, "none"
+    arms, sample, backend, sources = ("left", "right"), 4, "none", ()
     grid = BlockGrid((2, 30, 22, 13), 4)
 
     def __init__(self) -> None:
