@@ -56,6 +56,7 @@ OLDEST_PYTHON, NEWEST_PYTHON, NEWEST_WITH_OMPL = (3, 10), (3, 14), (3, 13)
 OLDEST_GLIBC, OLDEST_MACOS = (2, 28), 15
 """Required by wheels for Linux (Debian 10, Ubuntu 18.10, RHEL 8), and by OMPL's for macOS."""
 
+PIP_OPTIONS = ("--disable-pip-version-check", "--progress-bar=off")
 LAST_LINES = 20
 """Lines of pip's output that are shown when it fails without an error message."""
 
@@ -227,7 +228,7 @@ def environment(venv: Path) -> Path:
 
 def install(python: Path, wheel: Path | None, extra: str) -> bool:
     """Install the toolkit with an extra by pip; print pip's errors."""
-    command = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
+    command = [str(python), "-m", "pip", "install", *PIP_OPTIONS]
     target = ["--editable", f"{CHECKOUT}{extra}"] if wheel is None else [f"{wheel}{extra}"]
     status, said = watched([*command, *target], "pip")
     if status != 0:

@@ -235,7 +235,7 @@ CHROMIUM, ROS = "-m tests.chromium", "-m tests.sim.ros1.debian"
             (Path("some.whl"),),
             [
                 f"python -c {set_up.HAS_COMPILER}",
-                "python -m pip install --disable-pip-version-check some.whl[compiler]",
+                f"python -m pip install {' '.join(set_up.PIP_OPTIONS)} some.whl[compiler]",
             ],
             "the tests of machine code will be skipped; to have them: apt-get install gcc",
         ),

@@ -22,6 +22,7 @@ import json
 import math
 import os
 import warnings
+from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
@@ -48,6 +49,12 @@ Rows: TypeAlias = tuple[NDArray[Any], ...]
 STATUSES = {UNREACHABLE: "unreachable", UNDECIDED: "undecided", NOT_COMPUTED: "not computed"}
 """Of cells that have a code in the first layer in place of a value."""
 
+EDGE = 8
+"""Positions along each side of a block in most maps; one task computes one block."""
+
+MIN_LARGE_BLOCKS = 4096
+"""Minimum number of blocks with an edge above `EDGE`, so that workers can share them."""
+
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
 
@@ -62,98 +69,67 @@ _Map = TypeVar("_Map", bound="BlockMap")
 class Blocks(Sequence[Block], OneLine):
     """A set of blocks in the order in which they are computed: by arm, then along x, y and z.
 
-    Maps have up to millions of blocks, and those that are computed, or missing, are a few runs of
-    consecutive ones in nearly all cases: so only the runs are stored.
-
     Attributes:
         shape: number of arms, and of blocks along x, y and z, of the whole map.
     """
 
-    def __init__(self, shape: tuple[int, ...], runs: NDArray[np.int64] | None = None) -> None:
+    def __init__(self, shape: tuple[int, ...], numbers: Indices | None = None) -> None:
         """Choose some blocks, or all.
 
         Args:
             shape: of the whole map.
-            runs: first number of each run and the one after its last, ascending, shape (n, 2).
+            numbers: of the blocks in that order, ascending.
         """
         self.shape = shape
-        whole = np.array([[0, math.prod(shape)]], np.int64)
-        self._runs = whole if runs is None else runs
-        lengths = self._runs[:, 1] - self._runs[:, 0]
-        self._before = np.concatenate([[0], np.cumsum(lengths)])
+        self._numbers = range(math.prod(shape)) if numbers is None else numbers
 
     @classmethod
     def of(cls, shape: tuple[int, ...], blocks: Iterable[Block]) -> Blocks:
         """Some blocks, in any order."""
-        numbers = np.fromiter((_number(shape, block) for block in blocks), np.int64)
-        numbers.sort()
-        begins = np.flatnonzero(np.diff(numbers, prepend=-2) != 1)
-        ends = np.append(begins[1:], len(numbers)) - 1
-        return cls(shape, np.stack([numbers[begins], numbers[ends[: len(begins)]] + 1], axis=1))
+        numbers = (_number(shape, block) for block in blocks)
+        return cls(shape, np.sort(np.fromiter(numbers, np.intp)))
 
     def others(self) -> Blocks:
         """The blocks of the map that are not among these."""
-        inner = np.concatenate([[0], self._runs.ravel(), [math.prod(self.shape)]])
-        runs = inner.reshape(-1, 2)
-        return Blocks(self.shape, runs[runs[:, 0] < runs[:, 1]])
+        is_other = np.ones(math.prod(self.shape), bool)
+        is_other[np.asarray(self._numbers, np.intp)] = False
+        return Blocks(self.shape, np.flatnonzero(is_other))
 
     def index(self, block: object, start: int = 0, stop: int | None = None) -> int:
         """The place of a block among these."""
-        run = self._run_of(block)
-        if run is not None:
-            begin = int(self._before[run] - self._runs[run, 0])
-            at = begin + _number(self.shape, block)  # type: ignore[arg-type]
-            if at in range(len(self))[start:stop]:
-                return at
-        raise ValueError(f"{block} is not among these blocks")
+        at = self._place(block)
+        if at is None or at not in range(len(self))[start:stop]:
+            raise ValueError(f"{block} is not among these blocks")
+        return at
 
     def as_array(self) -> Indices:
         """The same blocks as rows of an array, shape (n, 4)."""
-        numbers = [np.arange(begin, end) for begin, end in self._runs]
-        flat = np.concatenate([np.zeros(0, np.intp), *numbers])
-        return np.stack(np.unravel_index(flat, self.shape), axis=1)
+        return np.stack(np.unravel_index(np.asarray(self._numbers, np.intp), self.shape), axis=1)
 
     def __len__(self) -> int:
-        return int(self._before[-1])
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Blocks):
-            return NotImplemented
-        return self.shape == other.shape and np.array_equal(self._runs, other._runs)
-
-    __hash__ = None  # type: ignore[assignment]
+        return len(self._numbers)
 
     def __contains__(self, block: object) -> bool:
-        return self._run_of(block) is not None
+        return self._place(block) is not None
 
     @overload
     def __getitem__(self, at: int) -> Block: ...
 
     @overload
-    def __getitem__(self, at: slice) -> tuple[Block, ...]: ...
+    def __getitem__(self, at: slice) -> Blocks: ...
 
-    def __getitem__(self, at: int | slice) -> Block | tuple[Block, ...]:
+    def __getitem__(self, at: int | slice) -> Block | Blocks:
         if isinstance(at, slice):
-            return tuple(self[i] for i in range(*at.indices(len(self))))
-        place = range(len(self))[at]
-        run = int(np.searchsorted(self._before, place, side="right")) - 1
-        return self._block(int(self._runs[run, 0]) + place - int(self._before[run]))
+            return Blocks(self.shape, np.asarray(self._numbers[at], np.intp))
+        arm, x, y, z = np.unravel_index(self._numbers[at], self.shape)
+        return int(arm), int(x), int(y), int(z)
 
-    def __iter__(self) -> Iterator[Block]:
-        for begin, end in self._runs:
-            for number in range(begin, end):
-                yield self._block(number)
-
-    def _run_of(self, block: object) -> int | None:
+    def _place(self, block: object) -> int | None:
         if not (isinstance(block, tuple) and len(block) == 4):
             return None
         number = _number(self.shape, block)
-        run = int(np.searchsorted(self._runs[:, 0], number, side="right")) - 1
-        return run if run >= 0 and number < int(self._runs[run, 1]) else None
-
-    def _block(self, number: int) -> Block:
-        arm, x, y, z = np.unravel_index(number, self.shape)
-        return int(arm), int(x), int(y), int(z)
+        at = bisect_left(self._numbers, number)
+        return at if at < len(self) and self._numbers[at] == number else None
 
     def _facts(self) -> tuple[str, ...]:
         return f"{len(self):,} of {count(math.prod(self.shape), 'block')}", f"shape {self.shape}"
@@ -176,6 +152,26 @@ class BlockGrid(NamedTuple):
 
     shape: tuple[int, ...]
     edge: int
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...], rotations: int, max_cells: int) -> BlockGrid:
+        """Blocks that have at most so many cells, or one position.
+
+        The edge is at most `EDGE`, except on large grids of few rotations, where that saves files.
+
+        Args:
+            shape: number of arms, and of positions along x, y and z.
+            rotations: number of cells of a position.
+            max_cells: maximum for a block.
+        """
+        edge = EDGE
+        while edge > 1 and edge**3 * rotations > max_cells:
+            edge //= 2
+        while (2 * edge) ** 3 * rotations <= max_cells and (
+            math.prod(shape[1:]) >= MIN_LARGE_BLOCKS * (2 * edge) ** 3
+        ):
+            edge *= 2
+        return cls(shape, edge)
 
     @property
     def blocks(self) -> Blocks:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve, frozen, integer, scalar
+from baxter_kin.fields import frozen, scalar
 from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.validation import (
     FloatArray,
@@ -20,15 +20,6 @@ from baxter_kin.validation import (
 from planner.errors import AtlasError
 
 MAX_POINTS_PER_SIDE = 10_000
-
-BLOCK_EDGE = 8
-"""Positions along each side of a block in most grids; one task computes one block."""
-
-MAX_CELLS_PER_BLOCK = 600_000
-"""Maximum number of positions times rotations in a block, as a worker holds them in memory."""
-
-MIN_BLOCKS = 4096
-"""Minimum number of blocks with an edge above `BLOCK_EDGE`, so that workers can share them."""
 
 
 @frozen(error=AtlasError, eq=True)
@@ -41,7 +32,6 @@ class PositionGrid:
         step_m: distance of neighbours.
         first: the lowest point in steps, along x, y and z.
         shape: number of points along x, y and z.
-        block_edge: positions along each side of a block; ignored when grids are compared.
 
     Raises:
         AtlasError: when the step is not above zero, or a side has no point or more than
@@ -51,7 +41,6 @@ class PositionGrid:
     step_m: float = scalar(above=0.0)
     first: tuple[int, ...]
     shape: tuple[int, ...]
-    block_edge: int = integer(least=1, most=MAX_POINTS_PER_SIDE, default=BLOCK_EDGE, eq=False)
 
     def __attrs_post_init__(self) -> None:
         if len(self.first) != 3 or len(self.shape) != 3:
@@ -94,21 +83,6 @@ class PositionGrid:
         high = np.max([box[1] for box in boxes], axis=0)
         return cls.within(low, high, step_m)
 
-    def in_blocks_for(self, rotations: int) -> PositionGrid:
-        """The same grid with the block size for a number of rotations.
-
-        With many rotations the edge is below `BLOCK_EDGE`, as `MAX_CELLS_PER_BLOCK` requires. With
-        few it is above on large grids, which saves files.
-        """
-        edge = BLOCK_EDGE
-        while edge > 1 and edge**3 * rotations > MAX_CELLS_PER_BLOCK:
-            edge //= 2
-        while (2 * edge) ** 3 * rotations <= MAX_CELLS_PER_BLOCK and (
-            len(self) >= MIN_BLOCKS * (2 * edge) ** 3
-        ):
-            edge *= 2
-        return evolve(self, block_edge=edge)
-
     def __len__(self) -> int:
         return math.prod(self.shape)
 
@@ -126,18 +100,6 @@ class PositionGrid:
         """The point with an index, shape (3,), m, in base."""
         point: FloatArray = self.step_m * (np.array(self.first) + np.array(index, dtype=float))
         return point
-
-    @property
-    def blocks(self) -> tuple[int, ...]:
-        """Number of blocks along x, y and z."""
-        return tuple(-(-n // self.block_edge) for n in self.shape)
-
-    def block_slices(self, block: tuple[int, ...]) -> tuple[slice, ...]:
-        """Slices of the points of a block; the last blocks along an axis may be smaller."""
-        return tuple(
-            slice(b * self.block_edge, min((b + 1) * self.block_edge, n))
-            for b, n in zip(block, self.shape, strict=True)
-        )
 
     def points(self, part: tuple[slice, ...] = (slice(None),) * 3) -> FloatArray:
         """The points of a part, shape (nx, ny, nz, 3), m, in base."""

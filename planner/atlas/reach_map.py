@@ -45,6 +45,9 @@ from planner.errors import AtlasError
 MOST_CELLS = 10**10
 """More than the finest grids that a group of machines computes in days; more must be asked for."""
 
+MAX_CELLS_PER_BLOCK = 600_000
+"""Maximum number of positions times rotations in a block, as a worker holds them in memory."""
+
 JOINTS = 7
 
 
@@ -70,8 +73,6 @@ class Cell:
 class ReachDefinition:
     """What a reach map is of, and what computes its cells.
 
-    Blocks are as large as a worker may hold them.
-
     Attributes:
         robot: the robot.
         positions: the grid.
@@ -94,8 +95,12 @@ class ReachDefinition:
             robot.arm(side)
         self.robot, self.rotations, self.arms = robot, rotations, tuple(arms)
         self.positions = positions
-        edge = positions.in_blocks_for(len(rotations)).block_edge if edge is None else edge
-        self.grid = BlockGrid((len(arms), *positions.shape), edge)
+        shape = len(arms), *positions.shape
+        self.grid = (
+            BlockGrid.of(shape, len(rotations), MAX_CELLS_PER_BLOCK)
+            if edge is None
+            else BlockGrid(shape, edge)
+        )
         self.sample = -(-2 * PAIRS // len(rotations.R_base_tips))
 
     @property
@@ -134,7 +139,8 @@ class ReachDefinition:
 
     def compute(self, arm: int, at: Indices) -> Cells:
         """Cells of positions of one arm."""
-        points: FloatArray = self.positions.step_m * (np.array(self.positions.first) + at)
+        first = np.array(self.positions.first, dtype=np.float64)
+        points: FloatArray = self.positions.step_m * (first + at)
         return self._searches[arm].search(points)
 
     @cached_property
@@ -169,7 +175,7 @@ class ReachMap(BlockMap):
         self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
         self._margins, self._witnesses = self._layers
         self.positions = PositionGrid(
-            float(facts["step_m"]), tuple(facts["first"]), tuple(facts["shape"]), self.grid.edge
+            float(facts["step_m"]), tuple(facts["first"]), tuple(facts["shape"])
         )
         return tuple(facts["arms"])
 

@@ -135,14 +135,14 @@ def check_map(
         on_cells(task.last - task.first)
     damaged = sorted(survey.damaged)
     return MapCheck(
-        cells=outcome.count(),
-        witnesses=outcome.count(status="reachable"),
-        proofs=outcome.count(status="unreachable"),
-        proofs_at_boundary=outcome.count(status="unreachable", is_boundary=True),
+        cells=outcome.cells(),
+        witnesses=outcome.cells(status="reachable"),
+        proofs=outcome.cells(status="unreachable"),
+        proofs_at_boundary=outcome.cells(status="unreachable", is_boundary=True),
         wrong_witnesses=tuple(sorted(outcome.wrong_witnesses)),
         false_proofs=tuple(sorted(outcome.false_proofs)),
         undecided_share=survey.undecided / max(survey.cells, 1),
-        undecided_reached=outcome.count(status="undecided", is_reached=True),
+        undecided_reached=outcome.cells(status="undecided", is_reached=True),
         power=outcome.power(),
         power_at_boundary=outcome.power(is_boundary=True),
         power_near_limits=outcome.power(is_near_limits=True),
@@ -291,7 +291,7 @@ class Outcome(NamedTuple):
         self.wrong_witnesses.extend(other.wrong_witnesses)
         self.false_proofs.extend(other.false_proofs)
 
-    def count(self, **values: object) -> int:
+    def cells(self, **values: object) -> int:
         """Number of cells for which attributes of `Judged` have these values."""
         return sum(
             number
@@ -301,8 +301,8 @@ class Outcome(NamedTuple):
 
     def power(self, **values: object) -> float | None:
         """Of such cells with a witness, the share that the solver reached; None without any."""
-        witnesses = self.count(status="reachable", **values)
-        reached = self.count(status="reachable", is_reached=True, **values)
+        witnesses = self.cells(status="reachable", **values)
+        reached = self.cells(status="reachable", is_reached=True, **values)
         return reached / witnesses if witnesses else None
 
 

@@ -145,8 +145,8 @@ def profile(
     """
     grid = found.positions
     areas = np.zeros((len(thresholds), grid.shape[2]))
-    for block in range(grid.blocks[2]):
-        z = grid.block_slices((0, 0, block))[2]
+    for block in found.grid.blocks[: found.grid.blocks.shape[3]]:
+        z = found.grid.slices(block)[2]
         summary = summarise(found, arm, (slice(None), slice(None), z), rotations)
         share = np.nan_to_num(summary.share)
         for row, threshold in enumerate(thresholds):

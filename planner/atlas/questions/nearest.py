@@ -343,7 +343,7 @@ class _CellsAround:
         if self._measure.keep is Keep.POSITION:
             point = grid.nearest(self._p)
             return [] if point is None else [tuple(slice(i, i + 1) for i in point)]
-        return [grid.block_slices(block) for block in np.ndindex(*grid.blocks)]
+        return [self._atlas.grid.slices(each) for each in self._atlas.blocks if each[0] == 0]
 
     def _bound(self, part: tuple[slice, ...]) -> float:
         """A lower bound on the distances of a part's cells."""

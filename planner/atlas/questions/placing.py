@@ -114,7 +114,7 @@ def where(
     for status, indices in (
         (PlacementStatus.UNCOVERED, np.flatnonzero(np.isnan(margins)).tolist()),
         (PlacementStatus.DISMISSED, dismissed.tolist()),
-        (PlacementStatus.IMPOSSIBLE, dismissed[_are_ruled_out(atlas, task, Ts[dismissed])]),
+        (PlacementStatus.IMPOSSIBLE, dismissed[_ruled_out(atlas, task, Ts[dismissed])]),
         (PlacementStatus.CONFIRMED, [place.index for place in confirmed]),
         (PlacementStatus.REFUSED, [place.index for place in refused]),
         (PlacementStatus.REACHABLE, [place.index for place in reachable]),
@@ -162,7 +162,7 @@ def _worst(margins: Iterable[FloatArray]) -> FloatArray:
     return worst
 
 
-def _are_ruled_out(atlas: ReachMap, task: TableTask, Ts_base_table: FloatArray) -> Indices:
+def _ruled_out(atlas: ReachMap, task: TableTask, Ts_base_table: FloatArray) -> Indices:
     """The placements, by index, at which some job is proven out of reach of every arm."""
     bounds = [ReachBound(atlas.robot.arm(side)) for side in atlas.arms]
     impossible = np.zeros(len(Ts_base_table), bool)

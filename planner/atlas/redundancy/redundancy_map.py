@@ -53,6 +53,9 @@ from planner.errors import AtlasError
 MOST_CELLS = 10**6
 """Some core hours, at about 15 ms for each that is reachable; more must be asked for."""
 
+MAX_CELLS_PER_BLOCK = 1000
+"""Maximum number of cells of a block, so that a task takes seconds."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RedundancyCell:
@@ -95,8 +98,8 @@ class RedundancyDefinition:
             if q_others is None
             else finite_array(q_others, (len(robot.joint_names),), "q_others", ConfigurationError)
         )
-        x, y, z = subset.shape
-        self.grid = BlockGrid((len(subset.arms), x, y, z), subset.block_edge)
+        shape = len(subset.arms), *subset.shape
+        self.grid = BlockGrid.of(shape, len(subset.rotations), MAX_CELLS_PER_BLOCK)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -310,10 +313,9 @@ class RedundancyMap(BlockMap):
                 "map's poses; subset has their indices"
             )
         at = [axis.index(i) for i, axis in zip(given, axes, strict=True)]
+        arm = self._arm_index(side)
         with explained(self.path):
-            stored = np.asarray(
-                self._layers[0][(self._arm_index(side), *at[:3], slice(None), at[3])]
-            )
+            stored = np.asarray(self._layers[0][(arm, *at[:3], slice(None), at[3])])
         T = pin.SE3(self._Rs[at[3]], self._step_m * (self._first + np.array(position)))
         code = int(stored[0])
         if code < 0:

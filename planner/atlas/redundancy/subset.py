@@ -18,15 +18,12 @@ from baxter_kin.validation import (
     finite_scalar,
     whole_scalar,
 )
-from planner.atlas.positions import BLOCK_EDGE, PositionGrid
+from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
 
 Within: TypeAlias = float | tuple[float, float] | None
 """Of an axis: one coordinate, the lowest and the highest, or all; m."""
-
-POSES_A_BLOCK = 1000
-"""Poses of a block at most, so that a task takes seconds; more where one position has more."""
 
 SAME_AXIS = 1e-9
 """How much less the cosine of directions may be that count as one."""
@@ -114,14 +111,6 @@ class Subset:
     def __len__(self) -> int:
         """How many cells there are."""
         return len(self.arms) * int(np.prod(self.shape)) * len(self.rotations)
-
-    @property
-    def block_edge(self) -> int:
-        """Positions along each side of a block, which is what one task computes."""
-        edge = BLOCK_EDGE
-        while edge > 1 and edge**3 * len(self.rotations) > POSES_A_BLOCK:
-            edge //= 2
-        return edge
 
     def points(self, at: Indices) -> Indices:
         """Indices in the map's grid of positions that are given by those here, shape (n, 3)."""

@@ -66,7 +66,7 @@ def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
     order, witnesses = [np.zeros(0, np.intp)], [np.zeros((0, 7), np.int32)]
     numbers = np.arange(codes.size).reshape(shape)
     for block in found.computed_blocks():
-        pieces = grid.block_slices(block[1:])
+        pieces = found.grid.slices(block)
         inside, place = [], [np.array([block[0]])]
         for axis, piece in zip(axes, pieces, strict=True):
             is_shown = (axis >= piece.start) & (axis < piece.stop)

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from baxter_kin.distribution.software import versions
 from planner.atlas import ReachMap
-from planner.atlas.block_map import Block, BlockGrid, Blocks
+from planner.atlas.block_map import EDGE, MIN_LARGE_BLOCKS, Block, BlockGrid, Blocks
 from planner.atlas.redundancy import RedundancyMap
+from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 from tests.planner.atlas.maps import BuiltMap, change_attributes, chunk, damage, digests
 
@@ -30,7 +31,7 @@ def test_some_blocks_are_a_sequence_in_order(chosen: set[Block]) -> None:
     assert [some.index(block) for block in expected] == list(range(len(expected)))
     assert [block in some for block in ALL] == [block in chosen for block in ALL]
     assert list(some.others()) == sorted(set(ALL) - chosen)
-    assert some.others().others() == some
+    assert list(some.others().others()) == expected
 
 
 def test_blocks_without_a_choice_are_all_and_take_no_memory() -> None:
@@ -65,6 +66,28 @@ def test_blocks_hold_every_position_once(
     chosen = data.draw(st.sets(st.sampled_from(list(grid.blocks))))
     size = sum(len(grid.indices(block)) for block in chosen)
     assert grid.positions_of(Blocks.of(grid.blocks.shape, chosen)) == size
+
+
+@given(
+    st.tuples(st.just(2), *[st.integers(1, 10_000)] * 3),
+    st.integers(1, MOST_ROTATIONS),
+    st.sampled_from([1000, 600_000]),
+)
+def test_blocks_fit_into_memory_and_are_as_few_as_allowed(
+    shape: tuple[int, ...], rotations: int, max_cells: int
+) -> None:
+    edge = BlockGrid.of(shape, rotations, max_cells).edge
+    assert edge == 1 or edge**3 * rotations <= max_cells
+    if edge < EDGE:
+        assert (2 * edge) ** 3 * rotations > max_cells
+    if edge > EDGE:
+        assert np.prod(shape[1:]) >= MIN_LARGE_BLOCKS * edge**3
+
+
+def test_the_largest_grids_have_millions_of_blocks_at_most() -> None:
+    """Of 10^12 cells, for any number of rotations."""
+    for rotations, side in ((1, 10_000), (72, 2_404), (576, 1_202), (MOST_ROTATIONS, 149)):
+        assert len(BlockGrid.of((1, *[side] * 3), rotations, 600_000).blocks) < 5e6
 
 
 def test_a_block_is_read_as_it_was_written_and_whole(built: BuiltMap, tmp_path: Path) -> None:

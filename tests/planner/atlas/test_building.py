@@ -21,7 +21,7 @@ from planner.atlas import (
     build_reach_map,
     estimate,
 )
-from planner.atlas.block_map import BlockGrid, Blocks, Layer, Rows
+from planner.atlas.block_map import BlockGrid, Layer, Rows
 from planner.atlas.building import MIN_BLOCKS, OVERHEAD, MapSource, compute_block, shown_time
 from planner.atlas.redundancy import RedundancyDefinition, Subset, build_redundancy_map
 from planner.errors import AtlasError
@@ -186,7 +186,7 @@ class SimulatedMap:
 def test_an_estimate_has_no_bias_and_its_error_is_the_spread(share: float) -> None:
     of, off = SimulatedMap(), list[float]()
     blocks = of.grid.blocks
-    missing = Blocks.of(blocks.shape, blocks[: int(share * len(blocks))])
+    missing = blocks[: int(share * len(blocks))]
     total_s = sum(of.times_s[(b[0], *of.grid.slices(b))].sum() for b in missing)
     for seed in range(80):
         cost = estimate(of, missing=missing, measure_s=3.0, seed=seed, clock=of.clock)
@@ -206,12 +206,11 @@ def test_a_reach_map_has_the_size_that_was_estimated(small_map: ReachMap) -> Non
 
 
 def test_only_missing_blocks_cost_something(built: BuiltMap) -> None:
-    one = Blocks.of(built.map.blocks.shape, built.map.blocks[:1])
-    cost = estimate(built.definition, missing=one, measure_s=1e-6)
+    cost = estimate(built.definition, missing=built.map.blocks[:1], measure_s=1e-6)
     assert cost.cells == built.map.codes_of((built.map.read_rows(built.map.blocks[0]),)).size
     assert cost.core_s > 0.0
     assert cost.size_bytes > 0.0
-    none = estimate(built.definition, missing=Blocks(one.shape).others(), measure_s=1e-6)
+    none = estimate(built.definition, missing=built.map.blocks[:0], measure_s=1e-6)
     assert (none.cells, none.core_s, none.size_bytes) == (0, 0.0, 0.0)
 
 

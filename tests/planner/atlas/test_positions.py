@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner.atlas import PositionGrid
-from planner.atlas.positions import BLOCK_EDGE, MAX_CELLS_PER_BLOCK, MIN_BLOCKS
-from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 
 
@@ -22,41 +20,6 @@ def test_points_are_multiples_of_the_step() -> None:
     assert np.allclose(grid.point((1, 2, 1)), [0.0, 0.1, 0.4])
     assert np.allclose(grid.low_m, grid.points()[0, 0, 0])
     assert np.allclose(grid.high_m, grid.points()[-1, -1, -1])
-
-
-def test_blocks_hold_every_point_once() -> None:
-    grid = PositionGrid(0.1, (-3, 2, 0), (9, 17, 8))
-    times = np.zeros(grid.shape, int)
-    for block in np.ndindex(*grid.blocks):
-        times[grid.block_slices(block)] += 1
-    assert (times == 1).all()
-
-
-@given(st.integers(1, 10_000), st.integers(1, 10_000), st.integers(1, MOST_ROTATIONS))
-@settings(max_examples=200)
-def test_blocks_fit_into_memory_and_are_as_few_as_allowed(
-    side: int, other: int, rotations: int
-) -> None:
-    grid = PositionGrid(0.1, (0, 0, 0), (side, other, 7)).in_blocks_for(rotations)
-    assert grid == PositionGrid(0.1, (0, 0, 0), (side, other, 7))
-    edge = grid.block_edge
-    assert edge == 1 or edge**3 * rotations <= MAX_CELLS_PER_BLOCK
-    if edge < BLOCK_EDGE:
-        assert (2 * edge) ** 3 * rotations > MAX_CELLS_PER_BLOCK
-    if edge > BLOCK_EDGE:
-        assert len(grid) >= MIN_BLOCKS * edge**3
-
-
-def test_the_largest_grids_have_millions_of_blocks_at_most() -> None:
-    """Of 10^12 cells, for any number of rotations."""
-    for rotations, shape in (
-        (1, (10_000, 10_000, 10_000)),
-        (72, (2_404, 2_404, 2_404)),
-        (576, (1_202, 1_202, 1_202)),
-        (MOST_ROTATIONS, (149, 149, 149)),
-    ):
-        grid = PositionGrid(0.1, (0, 0, 0), shape).in_blocks_for(rotations)
-        assert np.prod(grid.blocks) < 5e6
 
 
 @given(st.integers(0, 2**32 - 1))

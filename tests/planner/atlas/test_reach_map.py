@@ -28,7 +28,7 @@ def test_a_map_has_every_cell_of_its_grid(small_map: ReachMap, small_grid: Posit
             if small_map.arms[block[0]] == side:
                 cells = small_map.read_block(block)
                 assert cells is not None
-                part = margins[small_map.positions.block_slices(block[1:])]
+                part = margins[small_map.grid.slices(block)]
                 assert np.array_equal(cells.margins, part.reshape(cells.margins.shape))
 
 
@@ -75,7 +75,7 @@ def test_blocks_of_many_rotations_are_small_and_read_alike(
     grid = PositionGrid(0.1, (6, 4, 1), (1, 1, 2))
     down = RotationGrid.about_tool_axis(np.diag([1.0, -1.0, -1.0]), 80_000)
     found = build_reach_map(tmp_path / "many", robot, grid, down, ("left",), engine=Serial())
-    assert found.positions.block_edge == 1
+    assert found.grid.edge == 1
     assert len(found.blocks) == 2
     coarse = small_map.cell("left", (1, 4, 1), 0)
     fine = found.cell("left", (0, 0, 0), 0)

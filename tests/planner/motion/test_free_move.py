@@ -96,7 +96,7 @@ def test_goes_straight_past_what_is_nearer_than_the_margin() -> None:
 
 @needs_ompl
 @given(seeds)
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_goes_around_what_is_in_the_way_inside_the_limits_from_rest_to_rest(seed: int) -> None:
     motion = plan(rng=np.random.default_rng(seed))
     assert not is_straight(motion)
@@ -118,7 +118,7 @@ def test_the_same_numbers_make_the_same_motion() -> None:
 
 
 @given(seeds)
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_returns_no_motion_that_the_judge_did_not_accept(seed: int) -> None:
     rng = np.random.default_rng(seed)
     accepted: list[Trajectory] = []

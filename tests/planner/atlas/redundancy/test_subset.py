@@ -40,11 +40,6 @@ def test_rotations_are_sorted_and_counted_once(small_map: ReachMap) -> None:
     assert Subset.of(small_map, rotations=[9, 3, 9]).rotations == (3, 9)
 
 
-@pytest.mark.parametrize(("rotations", "edge"), [(1, 8), (6, 4), (72, 2), (576, 1), (5000, 1)])
-def test_blocks_of_many_rotations_have_few_positions(rotations: int, edge: int) -> None:
-    assert Subset(("left",), (0,), (0,), (0,), tuple(range(rotations))).block_edge == edge
-
-
 @pytest.mark.parametrize(
     ("choice", "said"),
     [

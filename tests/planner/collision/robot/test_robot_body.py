@@ -328,8 +328,7 @@ def test_a_post_beside_a_finger_is_as_near_as_fcl_finds(number: int) -> None:
     assert wanted - margin_m - GAP_TOLERANCE_M <= min(found) <= wanted + GAP_TOLERANCE_M
 
 
-@pytest.mark.parametrize("fingers", FINGER_MESHES)
-@pytest.mark.parametrize("tips", TIP_MESHES)
+@pytest.mark.parametrize(("fingers", "tips"), list(zip(FINGER_MESHES, TIP_MESHES, strict=True)))
 def test_fingers_of_a_hand_never_touch_each_other(fingers: str, tips: str) -> None:
     """At any opening from the innermost slot on, by coal on the files: `verify` leaves them out.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
@@ -103,6 +103,7 @@ class Bench:
                 callback(Received(message_type(kind).make(**values), "/somebody", topic, 0.0))
 
 
+@settings(max_examples=25)
 @given(st.data())
 def test_no_messages_break_it(robot: Baxter, data: st.DataObject) -> None:
     bench = Bench(robot)
