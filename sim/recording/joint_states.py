@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.display import count, quoted, shown_path
 from baxter_kin.fields import evolve
-from baxter_kin.kinematics.arm import LIMBS, arm_joints
+from baxter_kin.kinematics.arm import JOINTS, LIMBS, MAX_SPEED_RAD_S, arm_joints
 from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError, RosError, RosMessageError
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import finger_joints
 from sim.recording.recording import NotedRecording, Recording
 from sim.ros1_messages import MessageType, MessageTypes
 
@@ -104,12 +104,9 @@ s1 of a tucked arm; a value farther outside is no angle of this robot."""
 LIMIT_ROUNDING_RAD = 1e-11
 """A limit written with twelve digits may be exceeded by so much."""
 
-MAX_SPEED_RAD_S = {"s": 2.0, "e": 2.0, "w": 4.0}
-"""The robot's own maximum, by the joint's letter."""
-
 SPEED_FACTOR = 2.0
-"""A guiding hand may be faster than that. Driven by torques, real Baxters kept 99.9 % of the time
-below 1.9 rad/s, wrists below 2.3."""
+"""Of the maximum in position mode, since a guiding hand may be faster. Driven by torques, real
+Baxters kept 99.9 % of the time below 1.9 rad/s, wrists below 2.3."""
 
 MAX_LATENESS_S = 0.1
 """Maximum lateness of a row's stamp: ten rows of the recorder, which stamps as it writes."""
@@ -524,7 +521,7 @@ def _limit_notes(rows: Rows, name: str, low: float, high: float) -> Iterator[str
 
 
 def _check_continuity(rows: Rows, name: str) -> None:
-    speed = SPEED_FACTOR * MAX_SPEED_RAD_S[name.partition("_")[2][0]]
+    speed = SPEED_FACTOR * MAX_SPEED_RAD_S[JOINTS.index(name.partition("_")[2])]
     jumps, pauses = np.abs(np.diff(rows.joints[name])), np.diff(rows.times_s)
     torn = np.flatnonzero(jumps > speed * (pauses + MAX_LATENESS_S))
     if torn.size:

@@ -45,9 +45,9 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import quoted, shown_path
 from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike
+from baxter_kin.files.json_data import from_json, shown, to_json
+from baxter_kin.files.json_text import Json, as_text, from_text
 from baxter_kin.frames import Frame
-from baxter_kin.json_data import from_json, shown, to_json
-from baxter_kin.json_text import Json, as_text, from_text
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, finite_array
 from planner import Body, Move, Scene, State

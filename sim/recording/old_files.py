@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import shown_path
-from baxter_kin.json_data import from_json, shown
-from baxter_kin.json_text import Json, from_text
+from baxter_kin.files.json_data import from_json, shown
+from baxter_kin.files.json_text import Json, from_text
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body

@@ -113,7 +113,7 @@ def read_recording(
         RecordingError: when the suffix is another one, a package is missing, or the file cannot be
             read as such; says why.
     """
-    from baxter_kin.model import given_or_stock
+    from baxter_kin.kinematics.robot import given_or_stock
     from baxter_kin.validation import expect
     from sim.recording.bag_file import read_bag
     from sim.recording.mcap_file import read_mcap

@@ -38,6 +38,7 @@ import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription, RobotIdentity
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.display import OneLine, count, shown_path
 from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
@@ -48,7 +49,6 @@ from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
 from sim.recording.joint_states import Rows, noted_recording
-from sim.recording.recorded_motion import finger_joints
 from sim.recording.recorder import RecordFile
 from sim.recording.recording import Entry, NotedRecording, Recording, Row, entries_of
 from sim.simulation import MAX_DWELL_S, ROBOT_DWELL_S

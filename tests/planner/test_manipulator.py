@@ -1,4 +1,4 @@
-"""What planning for one arm needs to know, and every way of not being one."""
+"""What planning for one arm needs to know."""
 
 from __future__ import annotations
 
@@ -15,53 +15,46 @@ from planner.errors import SceneError, TaskError
 ROUNDING = 1e-12
 
 
-@pytest.mark.parametrize("limb", ["middle", "", None, 5])
-def test_an_unknown_limb_raises(robot: Baxter, limb: Any) -> None:
-    with pytest.raises(UnknownNameError, match="use one of: left, right"):
-        Manipulator.of(robot, limb)
+@pytest.mark.parametrize(
+    ("changes", "error"),
+    [
+        *(({"robot": bad}, TaskError) for bad in (None, "baxter")),
+        *(({"side": bad}, UnknownNameError) for bad in ("middle", "", None, 5)),
+        *(({"speed_ratio": bad}, LimitsError) for bad in (0.0, -0.5, 1.5, np.nan, None, "fast")),
+        *(({"q_others": q}, ConfigurationError) for q in ("q", [], [0.0] * 7, [np.nan] * 19)),
+        *(({"limits": bad}, TaskError) for bad in ("safe", 2.0)),
+    ],
+)
+def test_refuses_invalid_arguments(
+    robot: Baxter, changes: dict[str, Any], error: type[Exception]
+) -> None:
+    arguments: dict[str, Any] = {"robot": robot, "side": "left", **changes}
+    with pytest.raises(error):
+        Manipulator.of(arguments.pop("robot"), arguments.pop("side"), **arguments)
 
 
-@pytest.mark.parametrize("ratio", [0.0, -0.5, 1.5, np.nan, np.inf, None, "fast"])
-def test_a_speed_ratio_out_of_range_raises(robot: Baxter, ratio: Any) -> None:
-    with pytest.raises(LimitsError, match="speed ratio"):
-        Manipulator.of(robot, "left", speed_ratio=ratio)
+def test_limits_of_other_joints_raise(robot: Baxter) -> None:
+    with pytest.raises(LimitsError, match=r"right_s0, .*; the left arm has: left_s0, "):
+        Manipulator.of(robot, "left", limits=robot.arm("right").limits)
 
 
-@pytest.mark.parametrize("q", ["q", [], [0.0] * 7, [np.nan] * 19])
-def test_invalid_positions_of_other_joints_raise(robot: Baxter, q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q_others"):
-        Manipulator.of(robot, "left", q_others=q)
-
-
-@pytest.mark.parametrize("robot", [None, "baxter", 5])
-def test_a_manipulator_of_another_class_than_a_robot_raises(robot: Any) -> None:
-    with pytest.raises(TaskError, match="robot"):
-        Manipulator.of(robot, "left")
-
-
-class TestConfigurations:
-    """Full configurations of the robot for those of one arm."""
-
-    def test_arm_and_fingers_are_set_and_all_others_stay(self, manipulator: Manipulator) -> None:
-        names = manipulator.robot.joint_names
-        (q,) = manipulator.configurations(manipulator.arm.start[None], 0.01)
-        joints = dict(zip(names, q.tolist(), strict=True))
-        before = dict(zip(names, manipulator.q_others.tolist(), strict=True))
-        changed = manipulator.arm.joints(manipulator.arm.start) | {
+def test_arm_and_fingers_are_set_and_all_others_stay(manipulator: Manipulator) -> None:
+    names = manipulator.robot.joint_names
+    qs = np.stack([manipulator.arm.start, manipulator.arm.neutral])
+    first, second = manipulator.configurations(qs, 0.01)
+    before = dict(zip(names, manipulator.q_others.tolist(), strict=True))
+    for q, found in zip(qs, (first, second), strict=True):
+        changed = manipulator.arm.joints(q) | {
             "l_gripper_l_finger_joint": 0.01,
             "l_gripper_r_finger_joint": -0.01,
         }
-        assert joints == before | changed
+        assert dict(zip(names, found.tolist(), strict=True)) == before | changed
 
-    def test_each_is_an_array_of_its_own(self, manipulator: Manipulator) -> None:
-        qs = np.stack([manipulator.arm.neutral, manipulator.arm.start])
-        first, second = manipulator.configurations(qs, 0.0)
-        assert first.tolist() != second.tolist()
 
-    @pytest.mark.parametrize("qs", [None, "q", [0.0] * 7, [[0.0] * 6], [[np.nan] * 7], 5])
-    def test_malformed_ones_are_refused(self, manipulator: Manipulator, qs: Any) -> None:
-        with pytest.raises(ConfigurationError, match="qs"):
-            list(manipulator.configurations(qs, 0.0))
+@pytest.mark.parametrize("qs", [None, "q", [0.0] * 7, [[0.0] * 6], [[np.nan] * 7], 5])
+def test_malformed_configurations_are_refused(manipulator: Manipulator, qs: Any) -> None:
+    with pytest.raises(ConfigurationError, match="qs"):
+        list(manipulator.configurations(qs, 0.0))
 
 
 @pytest.mark.parametrize(("finger_m", "opening_m"), [(0.01, 0.01), (-0.001, 0.0), (0.5, 0.020833)])
@@ -76,28 +69,19 @@ def test_a_new_worlds_hands_are_open(manipulator: Manipulator) -> None:
     assert manipulator.finger_m == manipulator.hand.stroke_m
 
 
-def test_the_speed_ratio_scales_velocities_alone(robot: Baxter, manipulator: Manipulator) -> None:
-    slow = Manipulator.of(robot, "left", speed_ratio=0.25).limits
-    np.testing.assert_allclose(slow.v_max, 0.25 * manipulator.limits.v_max, rtol=ROUNDING)
-    np.testing.assert_array_equal(slow.a_max, manipulator.limits.a_max)
-
-
-def test_given_limits_are_used_and_scaled(robot: Baxter) -> None:
-    harder = robot.arm("left").limits.preset("torque-control")
-    found = Manipulator.of(robot, "left", limits=harder, speed_ratio=0.5).limits
-    np.testing.assert_array_equal(found.a_max, harder.a_max)
-    np.testing.assert_allclose(found.v_max, 0.5 * harder.v_max, rtol=ROUNDING)
-
-
-def test_limits_of_other_joints_raise(robot: Baxter) -> None:
-    with pytest.raises(LimitsError, match=r"those of right_s0, .*; the left arm has: left_s0, "):
-        Manipulator.of(robot, "left", limits=robot.arm("right").limits)
-
-
-@pytest.mark.parametrize("limits", ["safe", 2.0])
-def test_invalid_limits_raise(robot: Baxter, limits: Any) -> None:
-    with pytest.raises(TaskError, match="limits must be of class JointLimits"):
-        Manipulator.of(robot, "left", limits=limits)
+@pytest.mark.parametrize("preset", [None, "torque-control"])
+def test_the_speed_ratio_scales_the_velocities_of_given_limits_alone(
+    robot: Baxter, preset: str | None
+) -> None:
+    arm = robot.arm("left")
+    limits = None if preset is None else arm.limits.preset(preset)
+    given = Manipulator.of(robot, "left", limits=limits).limits
+    slow = Manipulator.of(robot, "left", limits=limits, speed_ratio=0.25).limits
+    if limits is not None:
+        np.testing.assert_array_equal(given.v_max, limits.v_max)
+        np.testing.assert_array_equal(given.a_max, limits.a_max)
+    np.testing.assert_allclose(slow.v_max, 0.25 * given.v_max, rtol=ROUNDING)
+    np.testing.assert_array_equal(slow.a_max, given.a_max)
 
 
 def test_a_context_has_the_given_finger_position(manipulator: Manipulator) -> None:

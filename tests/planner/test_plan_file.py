@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
+from baxter_kin import IKFailure, IKResult, SeedType
 from baxter_kin.fields import evolve, field_names
 from planner import (
     Body,
@@ -28,7 +29,6 @@ from planner import (
     Manipulator,
     Move,
     Part,
-    PickAndPlace,
     Plan,
     PlanFailure,
     PlannerError,
@@ -39,7 +39,6 @@ from planner import (
     complete,
     load_plan,
     plan_file,
-    plan_pick_and_place,
     save_plan,
     verify,
 )
@@ -137,11 +136,8 @@ def same(first: Any, second: Any) -> bool:
 
 
 @pytest.fixture(scope="module")
-def plan(manipulator: Manipulator, scene: Scene) -> Plan:
-    down = (0.0, 1.0, 0.0, 0.0)
-    pick, place = (pose_from_quaternion(p, down) for p in ((0.70, 0.15, -0.129), (0.75, 0, -0.129)))
-    task = PickAndPlace("block", pick, place)
-    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
+def plan(tracked_plan: Plan) -> Plan:
+    return tracked_plan
 
 
 @pytest.fixture(scope="module")
@@ -175,9 +171,12 @@ def resealed(saved: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
     return content.replace(64 * b"0", checksum, 1)
 
 
-def test_a_planned_cycle_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
+def test_a_planned_cycle_comes_back_bit_by_bit(plan: Plan, saved: bytes, file: Path) -> None:
     save_plan(plan, file)
-    assert same(load_plan(file), plan)
+    assert file.read_bytes() == saved
+    loaded = load_plan(file)
+    assert all(step.state is not None for step in loaded)
+    assert same(loaded, plan)
 
 
 @given(st.data())
@@ -189,13 +188,6 @@ def test_every_plan_comes_back_bit_by_bit(
     path = tmp_path_factory.getbasetemp() / "any plan.json"
     save_plan(plan, path)
     assert same(load_plan(path), plan)
-
-
-def test_states_and_contacts_come_back_bit_by_bit(plan: Plan, file: Path) -> None:
-    save_plan(plan, file)
-    loaded = load_plan(file)
-    assert all(step.state is not None for step in loaded)
-    assert same(loaded, plan)
 
 
 def test_a_file_of_version_3_is_read_and_can_be_completed(manipulator: Manipulator) -> None:
@@ -217,11 +209,6 @@ def test_a_mesh_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
     assert same(loaded.start.scene["sheet"], scene["sheet"])
 
 
-def test_saving_twice_writes_the_same_bytes(plan: Plan, saved: bytes, file: Path) -> None:
-    save_plan(plan, file)
-    assert file.read_bytes() == saved
-
-
 def test_a_plan_file_is_small_enough_to_read(saved: bytes) -> None:
     assert len(saved) < 150_000
     lines = saved.splitlines()
@@ -232,7 +219,7 @@ def test_a_plan_file_is_small_enough_to_read(saved: bytes) -> None:
 
 
 @given(st.data())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_a_truncated_file_is_refused(
     tmp_path_factory: pytest.TempPathFactory, saved: bytes, data: st.DataObject
 ) -> None:
@@ -241,7 +228,7 @@ def test_a_truncated_file_is_refused(
 
 
 @given(st.data())
-@settings(max_examples=120)
+@settings(max_examples=60)
 def test_a_file_with_flipped_bits_is_refused(
     tmp_path_factory: pytest.TempPathFactory, saved: bytes, data: st.DataObject
 ) -> None:
@@ -343,32 +330,50 @@ def test_a_refusal_says_what_is_wrong(
     assert reason in refusal(file, resealed(saved, change))
 
 
-def test_an_edited_number_is_refused_as_edited(saved: bytes, file: Path) -> None:
-    assert saved.count(b'"is_movable": true') == 1
-    edited = saved.replace(b'"is_movable": true', b'"is_movable": false')
-    assert "was changed after it was saved" in refusal(file, edited)
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (b'"is_movable": true', b'"is_movable": false', "was changed after it was saved"),
+        (b'"limb": "left"', b'"limb": "left", "limb": "left"', "has the entry 'limb' twice"),
+        *(
+            (b'"version": 4', b'"version": ' + number, "finite|too large")
+            for number in (b"NaN", b"Infinity", b"-Infinity", b"1e999")
+        ),
+    ],
+)
+def test_an_edited_file_is_refused(
+    saved: bytes, file: Path, old: bytes, new: bytes, reason: str
+) -> None:
+    assert saved.count(old) >= 1
+    assert re.search(reason, refusal(file, saved.replace(old, new, 1)))
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_numbers_that_are_not_finite_are_refused(saved: bytes, file: Path, number: str) -> None:
-    content = saved.replace(b'"version": 4', f'"version": {number}'.encode())
-    assert "finite" in (said := refusal(file, content)) or "too large" in said
-
-
-def test_an_entry_that_comes_twice_is_refused(saved: bytes, file: Path) -> None:
-    content = saved.replace(b'"limb": "left"', b'"limb": "left", "limb": "left"')
-    assert "has the entry 'limb' twice" in refusal(file, content)
-
-
-def test_nesting_without_end_is_refused(file: Path) -> None:
+def test_other_files_are_refused(file: Path, tmp_path: Path) -> None:
     assert "nested too deeply" in refusal(file, 200_000 * b"[")
-
-
-def test_a_huge_file_is_refused(file: Path) -> None:
     with file.open("wb") as stream:
         stream.truncate(40 * 2**20)
-    with pytest.raises(PlanFileError, match="larger than 32 MB"):
-        load_plan(file)
+    for path in (file, tmp_path, tmp_path / "none.json", "a\0b", 3, None):
+        with pytest.raises(PlanFileError):
+            load_plan(path)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        *(({"path": path}, None) for path in ("a\0b", 3, None)),
+        ({"plan": {}}, "must be of class Plan"),
+        *(
+            ({"certificate": bad}, "certificate must be")
+            for bad in ([1], np.zeros((3, 3)), {"a": {1}}, {"a": float("nan")})
+        ),
+    ],
+)
+def test_refuses_to_save_invalid_arguments(
+    plan: Plan, file: Path, changes: dict[str, Any], reason: str | None
+) -> None:
+    with pytest.raises(PlanFileError, match=reason):
+        save_plan(**{"plan": plan, "path": file, **changes})
+    assert not file.exists()
 
 
 def test_a_huge_plan_is_not_saved(plan: Plan, file: Path) -> None:
@@ -376,16 +381,6 @@ def test_a_huge_plan_is_not_saved(plan: Plan, file: Path) -> None:
     with pytest.raises(PlanFileError, match="at most 32 MB are read again"):
         save_plan(evolve(plan, steps=grips), file)
     assert not file.exists()
-
-
-def test_a_missing_file_is_refused(file: Path) -> None:
-    with pytest.raises(PlanFileError, match="cannot be read: No such file"):
-        load_plan(file)
-
-
-def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PlanFileError, match=r"not a regular file|cannot be read"):
-        load_plan(tmp_path)
 
 
 def test_a_pipe_is_refused_without_waiting(plan: Plan, file: Path) -> None:
@@ -404,47 +399,22 @@ def test_a_link_to_a_plan_stays_a_link(plan: Plan, tmp_path: Path, file: Path) -
     assert file.is_file()
 
 
-@pytest.mark.parametrize("path", ["a\0b", 3, None])
-def test_an_invalid_path_is_refused(plan: Plan, path: Any) -> None:
-    with pytest.raises(PlanFileError):
-        load_plan(path)
-    with pytest.raises(PlanFileError):
-        save_plan(plan, path)
-
-
-def test_an_unwritable_place_is_refused_and_nothing_stays_behind(
-    plan: Plan, tmp_path: Path
-) -> None:
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(PlanFileError, match="folder cannot be written"):
-        save_plan(plan, tmp_path / "folder")
-    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
-
-
-def test_a_failed_write_keeps_the_old_file(
-    plan: Plan, saved: bytes, file: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_failed_write_keeps_the_old_file_and_leaves_nothing_behind(
+    plan: Plan, saved: bytes, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file.write_bytes(saved)
 
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(PlanFileError, match="folder cannot be written"):
+        save_plan(plan, tmp_path / "folder")
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(PlanFileError, match="No space left on device"):
         save_plan(evolve(plan, failure=PlanFailure("a", "b")), file)
     assert file.read_bytes() == saved
-    assert list(file.parent.iterdir()) == [file]
-
-
-@pytest.mark.parametrize("certificate", [[1], np.zeros((3, 3)), {"a": {1}}, {"a": float("nan")}])
-def test_a_certificate_is_json_data(plan: Plan, file: Path, certificate: Any) -> None:
-    with pytest.raises(PlanFileError, match="certificate must be"):
-        save_plan(plan, file, certificate=certificate)
-
-
-def test_only_plans_are_saved(file: Path) -> None:
-    with pytest.raises(PlanFileError, match="plan must be of class Plan, got dict"):
-        save_plan({}, file)  # type: ignore[arg-type]
+    assert set(tmp_path.iterdir()) == {file, tmp_path / "folder"}
 
 
 def test_values_that_are_not_finite_are_not_saved(plan: Plan, file: Path) -> None:

@@ -20,7 +20,7 @@ from planner import Body, Manipulator, Plan, plan_start_move
 from planner.scene.bodies import Box, Part
 from sim import Event, Outcome, Recorder, Replay, Simulation, World
 from sim.recording.recording import Recording
-from sim.view.tip_path import HOLDING_RGB
+from sim.view.overlays import HOLDING_RGB
 from tests.chromium import at_usual_priority, find_chromium
 from tests.conftest import at
 from tests.sim.runs import Run

@@ -8,12 +8,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from baxter_kin import Baxter
 from planner import Body as SceneBody
 from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place, save_plan
 from planner.certificate.body import Body
+from planner.certificate.clusters import Clusters
+from planner.certificate.intervals import Array
 from planner.certificate.robot import Robot
 from tests.planner.verification.conftest import BLOCK, PICK, PLACE
 
@@ -76,3 +79,31 @@ def checked_alone(file: Path, urdf: str) -> str:
     )
     assert run.returncode == 0, run.stderr
     return run.stdout
+
+
+def frames(own: Robot, q: Array) -> list[tuple[Array, Array]]:
+    """Poses of all joints seen from base at configurations, shape (k, 7); base itself first."""
+    R, p = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
+    found = [(R, p)]
+    for i, span in enumerate(own.spans):
+        turn = np.tile(np.eye(3), (len(q), 1, 1))
+        c, s = np.cos(q[:, i]), np.sin(q[:, i])
+        turn[:, 0, 0], turn[:, 1, 1], turn[:, 0, 1], turn[:, 1, 0] = c, c, -s, s
+        p = p + R @ span.p.centred()[0]
+        R = R @ span.R.centred()[0] @ turn
+        found.append((R, p))
+    return found
+
+
+def lowest(clusters: Clusters, node: int, n: Array, T: tuple[Array, Array]) -> Array:
+    """Least n . x of a node at some instants, n seen from base, one each."""
+    R, p = T
+    along = np.einsum("tij,ti->tj", R, n)
+    x = clusters.points(node)
+    ball, disc, axis = clusters.widths(node)
+    least = (along @ x.T).min(axis=1) - ball * np.linalg.norm(n, axis=1)
+    if disc:
+        across = along - np.outer(along @ axis, axis)
+        least = least - disc * np.linalg.norm(across, axis=1)
+    found: Array = least + np.einsum("ti,ti->t", n, p)
+    return found

@@ -25,7 +25,7 @@ from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Mover, Pair
-from tests.planner.certificate.test_rows import lowest
+from tests.planner.certificate.conftest import frames, lowest
 
 ROWS, PLACES = 300, 40
 
@@ -58,20 +58,6 @@ def pairs(clusters: Clusters, own: Robot, body: Body, planned: Any) -> list[Pair
         movers.append(Mover("held", held, 7))
         movers.append(Mover("standing", held, 0))
     return [Pair(a, b, 0.0, 0.0, 1.0) for a in movers for b in movers if a.level > b.level]
-
-
-def frames(own: Robot, q: Array) -> list[tuple[Array, Array]]:
-    """Poses of all joints seen from base at configurations, shape (k, 7); base itself first."""
-    R, p = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
-    found = [(R, p)]
-    for i, span in enumerate(own.spans):
-        turn = np.tile(np.eye(3), (len(q), 1, 1))
-        c, s = np.cos(q[:, i]), np.sin(q[:, i])
-        turn[:, 0, 0], turn[:, 1, 1], turn[:, 0, 1], turn[:, 1, 0] = c, c, -s, s
-        p = p + R @ span.p.centred()[0]
-        R = R @ span.R.centred()[0] @ turn
-        found.append((R, p))
-    return found
 
 
 def random_boxes(

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Plan, Trajectory
@@ -99,10 +97,6 @@ def test_no_point_of_the_hand_moves_faster_than_its_bound(
     assert speeds.max() <= u[0]
     assert second.max() <= w[0] + 1e-6
     assert speeds.max() > 0.1 * u[0]
-
-
-def test_a_planned_move_is_within_its_limits(own: Robot, data: dict[str, Any]) -> None:
-    limited(own, data)
 
 
 def scaled(key: str, by: float) -> Callable[[dict[str, Any]], None]:
@@ -240,26 +234,6 @@ def test_cells_are_cut_at_kinks_first_and_then_in_the_middle(pieces: dict[str, A
         halves = [((s, m), (m, e)) for s, e, m, has_kink in cells if has_kink]
         open_ = [cell for pair in halves for cell in pair]
     assert sorted(cuts) == list(motion.kinks_s)
-
-
-@given(
-    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=9),
-    st.lists(st.floats(0.01, 1.0), min_size=8, max_size=8),
-    st.floats(-3.0, 3.0),
-)
-def test_a_bent_function_sags_no_more_than_the_lemma_says(
-    slopes: list[float], lengths: list[float], bend: float
-) -> None:
-    """Parabolas of one bend, joined at kinks: M h^2 / 8 + S h / 4 below the lesser end."""
-    value, t, values, total = 0.0, 0.0, [0.0], 0.0
-    for number, (slope, length) in enumerate(zip(slopes, lengths, strict=False)):
-        s = np.linspace(0.0, length, 21)
-        values += list(value + slope * s + 0.5 * bend * s * s)
-        value, t = values[-1], t + length
-        if number + 1 < len(slopes):
-            total += abs(slopes[number + 1] - (slope + bend * length))
-    least = min(values[0], values[-1]) - abs(bend) * t * t / 8.0 - total * t / 4.0
-    assert min(values) >= least - 1e-9
 
 
 def test_limits_of_polynomials_are_judged_at_their_extremes(own: Robot) -> None:

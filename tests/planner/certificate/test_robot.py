@@ -16,11 +16,6 @@ from tests.served_urdf import served_urdf
 SAME_M = 1e-14
 
 
-@pytest.fixture(scope="module")
-def text(robot: Baxter) -> str:
-    return robot.description.text
-
-
 @pytest.fixture(scope="module", params=["as drawn", "calibrated"])
 def anyone(request: pytest.FixtureRequest, robot: Baxter) -> Baxter:
     """A robot whose joints turn about z, and one whose axes are up to 10 mrad off."""

@@ -11,7 +11,7 @@ import pytest
 from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
-from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.intervals import Interval, Pose
 from planner.certificate.motion import Polynomials
 from planner.certificate.robot import Robot
 from planner.certificate.rows import (
@@ -28,6 +28,7 @@ from planner.certificate.rows import (
     Trace,
     certified_m,
 )
+from tests.planner.certificate.conftest import frames, lowest
 
 ROWS, INSTANTS = 400, 25
 
@@ -84,38 +85,6 @@ def random_tasks(judge: Judge, clusters: Clusters, rng: np.random.Generator) -> 
     return Tasks(roots.pair, sides[0], sides[1], start, end)
 
 
-def poses(own: Robot, motion: Polynomials, times_s: Array) -> list[tuple[Array, Array]]:
-    """Of all joints seen from base, in doubles, joint 0 being base itself."""
-    q = motion.at(times_s)
-    middle = 0.5 * (q.low + q.high)
-    R, p = np.tile(np.eye(3), (len(times_s), 1, 1)), np.zeros((len(times_s), 3))
-    found = [(R, p)]
-    for i, span in enumerate(own.spans):
-        (S, _), (s, _) = span.R.centred(), span.p.centred()
-        c, d = np.cos(middle[:, i]), np.sin(middle[:, i])
-        turn = np.zeros((len(times_s), 3, 3))
-        turn[:, 0, 0], turn[:, 1, 1], turn[:, 0, 1], turn[:, 1, 0] = c, c, -d, d
-        turn[:, 2, 2] = 1.0
-        p = p + R @ s
-        R = R @ S @ turn
-        found.append((R, p))
-    return found
-
-
-def lowest(clusters: Clusters, node: int, n: Array, T: tuple[Array, Array]) -> Array:
-    """Least n . x of a node at some instants, n seen from base, one each."""
-    R, p = T
-    along = np.einsum("tij,ti->tj", R, n)
-    x = clusters.points(node)
-    ball, disc, axis = clusters.widths(node)
-    least = (along @ x.T).min(axis=1) - ball * np.linalg.norm(n, axis=1)
-    if disc:
-        across = along - np.outer(along @ axis, axis)
-        least = least - disc * np.linalg.norm(across, axis=1)
-    found: Array = least + np.einsum("ti,ti->t", n, p)
-    return found
-
-
 def test_no_instant_is_below_what_a_row_concludes(
     own: Robot, clusters: Clusters, step: Step
 ) -> None:
@@ -137,7 +106,7 @@ def test_no_instant_is_below_what_a_row_concludes(
             ]
         )
         pair = step.pairs[int(tasks.pair[row])]
-        T = poses(own, step.motion, times_s)
+        T = frames(own, step.motion.at(times_s).centred()[0])
         first, second = T[pair.first.level], T[pair.second.level]
         along = np.einsum("tij,j->ti", second[0], n[row])
         gap = lowest(clusters, int(tasks.first[row]), along, first)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -17,7 +18,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
 from planner import Body, Box, Manipulator, Part, RobotShapes, Scene
 from planner.collision import Clearance, ClearanceChecker
-from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.errors import SceneError
 from planner.scene.bodies import Attachment
 from planner.scene.coal_shapes import coal_shape, convex, surface
@@ -38,7 +39,13 @@ CUBE = Box((0.05, 0.05, 0.05))
 FloatArray = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
-metres = st.floats(0.01, 0.1)
+
+
+@cache
+def coal_shapes(link: LinkBody) -> list[Any]:
+    if len(link.surface.triangles):
+        return [surface(*link.surface)]
+    return [convex(*piece) for piece in link.pieces]
 
 
 class Independent:
@@ -52,12 +59,7 @@ class Independent:
         for finger in "lr":  # the stock robot has paddles on both sides
             paddle = self._links[f"l_gripper_{finger}_finger_tip"]
             self._links[f"r_gripper_{finger}_finger_tip"] = paddle
-        self._shapes = {
-            name: [surface(*link.surface)]
-            if len(link.surface.triangles)
-            else [convex(*piece) for piece in link.pieces]
-            for name, link in self._links.items()
-        }
+        self._shapes = {name: coal_shapes(link) for name, link in self._links.items()}
         self._margins = {name: link.margin_m for name, link in self._links.items()}
         self._poses = {link: data.oMf[robot.model.getFrameId(link)] for link in self._shapes}
         self._joints = {
@@ -127,29 +129,20 @@ def _links_below(urdf: Any, joint_name: str) -> set[str]:
     return set(found)
 
 
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(seeds)
+@example(0)  # the neutral configuration, in which nothing touches
 def test_clearance_is_the_smallest_distance_of_all_pairs(
     robot: Baxter, arm: Arm, shapes: RobotShapes, scene: Scene, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    q = full(robot, arm, arm.random_configuration(rng))
+    q = full(robot, arm, arm.random_configuration(rng) if seed else arm.neutral)
     found = ClearanceChecker(shapes, arm, scene).clearance(q)
     expected = Independent(robot, arm, q).least(scene)
     if expected > 0.0:
         assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
     else:
         assert found.distance_m <= 0.0
-
-
-def test_clearance_in_neutral_is_that_of_all_pairs(
-    robot: Baxter, arm: Arm, shapes: RobotShapes
-) -> None:
-    q = full(robot, arm, arm.neutral)
-    found = ClearanceChecker(shapes, arm, Scene.of()).clearance(q)
-    expected = min(Independent(robot, arm, q).to_itself())
-    assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
-    assert found.distance_m > 0.0
 
 
 @pytest.mark.parametrize("gap", [0.001, 0.01, -0.003])
@@ -167,15 +160,6 @@ def test_clearance_to_a_slab_under_the_lowest_finger_point_is_known_by_hand(
     assert "finger" in found.first + found.second
 
 
-def test_a_body_far_away_does_not_change_the_clearance(
-    robot: Baxter, left: Arm, shapes: RobotShapes
-) -> None:
-    q = full(robot, left, left.neutral)
-    alone = ClearanceChecker(shapes, left, Scene.of()).clearance(q)
-    with_ball = ClearanceChecker(shapes, left, Scene.of([ball("far", 9, 9, 9)])).clearance(q)
-    assert with_ball.distance_m == pytest.approx(alone.distance_m, abs=DISTANCE_TOLERANCE_M)
-
-
 def test_a_body_inside_a_link_gives_a_negative_clearance_that_names_both(
     robot: Baxter, left: Arm, shapes: RobotShapes
 ) -> None:
@@ -185,18 +169,6 @@ def test_a_body_inside_a_link_gives_a_negative_clearance_that_names_both(
     assert found.distance_m < 0.0
     assert found.second == "intruder"
     assert found.first.startswith(("left_", "l_"))
-
-
-def test_two_checkers_are_independent(
-    robot: Baxter, left: Arm, shapes: RobotShapes, scene: Scene
-) -> None:
-    q = full(robot, left, left.neutral)
-    first = ClearanceChecker(shapes, left, scene)
-    before = first.clearance(q)
-    ClearanceChecker(shapes, left, Scene.of([ball("b", 0.7, 0.2, 0.1)])).clearance(q)
-    after = first.clearance(q)
-    assert (after.first, after.second) == (before.first, before.second)
-    assert after.distance_m == pytest.approx(before.distance_m, abs=DISTANCE_TOLERANCE_M)
 
 
 @pytest.mark.parametrize(
@@ -295,17 +267,11 @@ class TestMeshes:
         return checker.clearance(q)
 
 
-def test_the_clearance_of_a_configuration_has_no_time(
-    robot: Baxter, left: Arm, shapes: RobotShapes
-) -> None:
-    checker = ClearanceChecker(shapes, left, Scene.of())
-    assert checker.clearance(full(robot, left, left.neutral)).time_s is None
-
-
 def test_clearance_is_the_smallest_of_the_distances_of_pairs(
     robot: Baxter, left: Arm, shapes: RobotShapes
 ) -> None:
     checker, q = ClearanceChecker(shapes, left, Scene.of()), full(robot, left, left.neutral)
     found = checker.distances_m(q, range(len(checker.pairs)))
-    least_m = checker.clearance(q).distance_m
-    assert min(found) == pytest.approx(least_m, abs=DISTANCE_TOLERANCE_M)
+    near = checker.clearance(q)
+    assert min(found) == pytest.approx(near.distance_m, abs=DISTANCE_TOLERANCE_M)
+    assert near.time_s is None

@@ -28,7 +28,7 @@ from planner.scene.bodies import Attachment
 from planner.scene.coal_shapes import has_depth
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from tests.conftest import at, overhead
-from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT
+from tests.planner.toy_world import DISC, LEFT, LIMITS, RIGHT
 from tests.planner.walls import Room, wall
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def near(room: Room, seed: int) -> FloatArray:
     return np.clip(room.beside(0.15) + rng.normal(0.0, 0.1, 7), low, high)
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(seeds)
 def test_a_configuration_is_free_exactly_where_its_clearance_is_above_zero(
     room: Room, space: CollisionContext, seed: int
@@ -79,7 +79,7 @@ def test_a_configuration_is_free_exactly_where_its_clearance_is_above_zero(
     assert space.is_free(q) == (room.distance_m(q) > 0.0)
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(seeds, st.sampled_from([0.0, 0.002, 0.03]))
 def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
     room: Room, space: CollisionContext, seed: int, margin_m: float
@@ -91,7 +91,7 @@ def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
         assert space.with_margin(margin_m).is_free(q) == (distance > margin_m)
 
 
-@settings(max_examples=25)  # each measures every pair
+@settings(max_examples=8)  # each measures every pair
 @given(seeds, st.sampled_from([-PRESSING_TOLERANCE_M, -0.02]))
 def test_a_negative_margin_allows_a_depth(
     room: Room, checker: ClearanceChecker, seed: int, margin_m: float
@@ -110,7 +110,7 @@ def test_a_negative_margin_allows_a_depth(
         assert not Touches(checker, margin_m, left_out=touches.pairs(full))(full)
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(seeds, seeds)
 def test_free_ends_stay_free_under_any_margin(
     room: Room, space: CollisionContext, seed: int, other: int
@@ -119,17 +119,6 @@ def test_free_ends_stay_free_under_any_margin(
     guarded = space.with_margin(0.05, *ends)
 
     assert all(guarded.is_free(q) for q in ends)
-
-
-@settings(max_examples=30)
-@given(seeds, seeds)
-def test_configurations_that_keep_a_margin_with_ends_are_free(
-    room: Room, space: CollisionContext, seed: int, other: int
-) -> None:
-    end, q = near(room, seed), near(room, other)
-
-    if space.is_free(end) and space.with_margin(0.02, end).is_free(q):
-        assert space.is_free(q)
 
 
 def nearing(room: Room, body: str, within_m: float) -> FloatArray:
@@ -164,7 +153,7 @@ def test_clearance_is_that_of_the_checker(room: Room, space: CollisionContext) -
 
 
 def test_contexts_on_one_checker_are_independent(room: Room) -> None:
-    qs = [near(room, seed) for seed in range(100)]
+    qs = [near(room, seed) for seed in range(30)]
     first = room.space
     before = [first.is_free(q) for q in qs]
     others = [room.space.with_margin(0.05) for _ in range(3)]
@@ -180,7 +169,7 @@ def test_fingers_may_touch_a_grasped_body_but_not_press_into_it(
 ) -> None:
     grasp = manipulator.ik.solve(overhead(0.7, 0.15, -0.129)).q
     checker = ClearanceChecker(manipulator.shapes, manipulator.arm, scene, touchable="block")
-    for finger_m in np.linspace(0.0, manipulator.hand.stroke_m, 40):
+    for finger_m in np.linspace(0.0, manipulator.hand.stroke_m, 12):
         full = next(manipulator.configurations(grasp[None], finger_m))
         space = CollisionContext(checker, full)
         assert space.is_free(grasp) == (checker.clearance(full).distance_m > 0.0)
@@ -229,12 +218,6 @@ def test_refuses_an_invalid_configuration(space: CollisionContext, q: Any) -> No
         space.with_margin(0.01, q)
 
 
-def test_accepts_a_list(room: Room, space: CollisionContext) -> None:
-    q = room.beside(0.0)
-
-    assert space.is_free(q.tolist()) == space.is_free(q)
-
-
 @pytest.mark.parametrize("margin", [-0.001, float("nan"), "1", None])
 def test_refuses_an_invalid_margin(
     manipulator: Manipulator, space: CollisionContext, margin: Any
@@ -248,31 +231,22 @@ def test_refuses_an_invalid_margin(
             ask()
 
 
-def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator) -> None:
-    with pytest.raises(ConfigurationError):
-        manipulator.context(Scene.of(), finger_m=1.0)
-
-
-def test_refuses_an_invalid_checker_or_configuration(room: Room) -> None:
+def test_refuses_arguments_of_another_class(room: Room, space: CollisionContext) -> None:
     bad: Any = "left"
-    with pytest.raises(SceneError, match="checker"):
-        CollisionContext(bad, room.full(np.zeros(7)))
-    with pytest.raises(ConfigurationError):
-        CollisionContext(room.checker, np.zeros(7))
-
-
-def test_free_configurations_keep_the_margin(manipulator: Manipulator, scene: Scene) -> None:
-    walled = manipulator.context(scene.with_body(wall()), margin_m=MARGIN_M)
-    rng = np.random.default_rng(3)
-    qs = [manipulator.arm.random_configuration(rng) for _ in range(200)]
-    distances = [walled.clearance(q).distance_m for q in qs]
-    assert any(0.0 < distance < MARGIN_M for distance in distances)
-    for q, distance in zip(qs, distances, strict=True):
-        assert walled.is_free(q) == (distance > MARGIN_M)
+    asked: list[tuple[Any, type[Exception]]] = [
+        (lambda: CollisionContext(bad, room.full(np.zeros(7))), SceneError),
+        (lambda: CollisionContext(room.checker, np.zeros(7)), ConfigurationError),
+        (lambda: room.manipulator.context(Scene.of(), finger_m=1.0), ConfigurationError),
+        (lambda: space.is_clear(bad), TrajectoryError),
+        (lambda: space.prove(bad), TrajectoryError),
+    ]
+    for ask, error in asked:
+        with pytest.raises(error):
+            ask()
 
 
 @given(seed=seeds)
-@settings(max_examples=15)
+@settings(max_examples=6)
 def test_a_clear_motion_is_proven(manipulator: Manipulator, table: Body, seed: int) -> None:
     bodies = Scene.of([table, wall()])
     context = manipulator.context(bodies, margin_m=MARGIN_M)
@@ -286,7 +260,7 @@ def test_a_clear_motion_is_proven(manipulator: Manipulator, table: Body, seed: i
 
 
 @given(seed=seeds)
-@settings(max_examples=40)
+@settings(max_examples=12)
 def test_the_smallest_distance_of_a_proof_is_the_clearance_at_its_time(
     manipulator: Manipulator, seed: int
 ) -> None:
@@ -336,19 +310,11 @@ def test_no_joint_moves_farther_than_a_step_between_two_samples(
 ) -> None:
     move = moving_move(left, seed)
     times = sample_times(move, step_rad)
+    assert (times[0], times[-1]) == (0.0, move.duration)
 
     for start, end in pairwise(times):
         qs = move.sample(np.linspace(start, end, 10)).q
         assert np.ptp(qs, axis=0).max() <= step_rad * (1 + 1e-9)
-
-
-@given(seeds)
-def test_both_ends_are_sampled(left: Arm, seed: int) -> None:
-    move = moving_move(left, seed)
-    times = sample_times(move, 0.1)
-
-    assert times[0] == 0.0
-    assert times[-1] == move.duration
 
 
 def test_a_motion_without_duration_is_one_sample() -> None:
@@ -366,14 +332,7 @@ def test_a_motion_that_rests_is_sampled_too() -> None:
 @given(st.integers(0, 200))
 def test_bisection_contains_every_number_once(count: int) -> None:
     assert sorted(bisecting(count)) == list(range(count))
-
-
-def test_bisection_takes_the_ends_then_the_middle_then_the_quarters() -> None:
     assert bisecting(9)[:5] == (0, 8, 4, 2, 6)
-
-
-def test_a_motion_through_an_obstacle_is_rejected() -> None:
-    assert not looks_clear(MOVE, AROUND_DISC.is_free, 0.01)
 
 
 def test_the_middle_of_an_obstacle_is_found_with_the_third_sample() -> None:
@@ -383,7 +342,7 @@ def test_the_middle_of_an_obstacle_is_found_with_the_third_sample() -> None:
         asked.append(DISC.distance(q))
         return asked[-1] > 0.0
 
-    looks_clear(MOVE, is_free, 0.01)
+    assert not looks_clear(MOVE, is_free, 0.01)
     assert len(asked) == 3
 
 
@@ -393,10 +352,3 @@ def test_a_motion_with_an_end_in_collision_is_rejected(end: FloatArray) -> None:
         return not np.array_equal(q, end)
 
     assert not looks_clear(MOVE, elsewhere, 0.01)
-
-
-def test_refuses_a_motion_of_another_class(space: CollisionContext) -> None:
-    motion: Any = None
-    for ask in (space.is_clear, space.prove):
-        with pytest.raises(TrajectoryError):
-            ask(motion)

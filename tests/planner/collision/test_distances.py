@@ -49,19 +49,6 @@ def test_shapes_of_unknown_depth_count_as_inside_each_other(
     assert -1.0 < found.distance_m < -PRESSING_TOLERANCE_M
 
 
-@pytest.mark.parametrize("inside", [True, False])
-def test_a_closed_surface_winds_about_points_inside(shapes: RobotShapes, inside: bool) -> None:
-    enclosure = next(
-        enclosure
-        for enclosure, link in ((made.enclosure, made.link) for made in shapes.made)
-        if enclosure is not None and link == "left_wrist"
-    )
-    assert isinstance(enclosure, Enclosure)
-    middle = (enclosure.vertices.max(axis=0) + enclosure.vertices.min(axis=0)) / 2
-    point = middle if inside else enclosure.vertices.max(axis=0) + 0.001
-    assert enclosure.winds_about(point) is inside
-
-
 @given(seeds)
 def test_a_cube_winds_about_the_points_inside_it_and_no_others(seed: int) -> None:
     cube = Enclosure(CORNERS, np.array(SIDES))
@@ -215,15 +202,8 @@ def test_every_point_of_a_shape_is_inside_its_box_its_ball_and_its_capsule(
     assert (points >= covers.lowest[i] - ROUNDING_M).all()
     assert (points <= covers.highest[i] + ROUNDING_M).all()
     from_middle = np.linalg.norm(points - covers.centres[i], axis=1)
-    assert from_middle.max() <= covers.ball_radii[i] + ROUNDING_M
+    assert from_middle.max() == pytest.approx(covers.ball_radii[i], abs=ROUNDING_M)
     assert beside_segment_m(points, covers.ends[i]).max() <= covers.radii[i] + ROUNDING_M
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_balls_are_as_small_as_possible(covers: Covers, name: str) -> None:
-    i = list(SHAPES).index(name)
-    farthest = np.linalg.norm(points_of(name) - covers.centres[i], axis=1).max()
-    assert covers.ball_radii[i] == pytest.approx(farthest, abs=ROUNDING_M)
 
 
 @given(seeds)

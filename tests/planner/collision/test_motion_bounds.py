@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
-from planner import RobotShapes, Scene, Trajectory, plan_joint_move
+from planner import RobotShapes, Scene
 from planner.collision.checker import ClearanceChecker
 from planner.collision.motion_bounds import MotionBounds
 from planner.collision.mover import Mover
-from planner.errors import MotionError
 from tests.calibrated import calibrated_arm
 from tests.planner.conftest import distance
 
@@ -46,6 +45,7 @@ class Rig:
         self.bounds = MotionBounds(robot.model, shapes.model, Mover.of(arm), self.covers)
         self.q_others = robot.configuration()
         self._robot = robot
+        self.points = {i: surface(self.shapes[i].geometry) for i in self.moving}
 
     def poses(self, q: FloatArray) -> list[Any]:
         """The poses of all shapes in base."""
@@ -94,9 +94,9 @@ def surface(geometry: Any) -> FloatArray:
     return np.asarray(geometry.vertices())
 
 
-def acted(T: pin.SE3, shape: Any) -> FloatArray:
-    """Its extreme points in base, shape (n, 3)."""
-    return np.asarray(surface(shape.geometry) @ T.rotation.T + T.translation)
+def acted(T: pin.SE3, points: FloatArray) -> FloatArray:
+    """Points in base, shape (n, 3)."""
+    return np.asarray(points @ T.rotation.T + T.translation)
 
 
 def test_the_shapes_of_the_arm_move_and_no_others(rig: Rig) -> None:
@@ -105,7 +105,7 @@ def test_the_shapes_of_the_arm_move_and_no_others(rig: Rig) -> None:
     assert moved == {name for name in names if name.startswith(("left_", "l_gripper"))}
 
 
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(seeds)
 def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
     limits = rig.arm.limits
@@ -116,18 +116,18 @@ def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
         assert np.allclose(poses, wanted, atol=ROUNDING_M)
 
 
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(seeds, sizes)
 def test_no_point_of_a_shape_moves_farther_than_its_bound(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
     before, after = rig.poses(q), rig.poses(q_after)
     pairs = [(i, rig.standing) for i in rig.moving]
     for (i, _), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
-        moved = acted(before[i], rig.shapes[i]) - acted(after[i], rig.shapes[i])
+        moved = acted(before[i], rig.points[i]) - acted(after[i], rig.points[i])
         assert np.linalg.norm(moved, axis=1).max() <= bound + ROUNDING_M
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(seeds, sizes)
 def test_bounds_hold_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
@@ -135,7 +135,7 @@ def test_bounds_hold_seen_from_another_link(rig: Rig, seed: int, size: float) ->
     pairs = [(i, k) for i, k in product(rig.moving, rig.moving) if (moves[k] <= moves[i]).all()]
     for (i, k), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
         was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
-        moved = acted(was, rig.shapes[i]) - acted(now, rig.shapes[i])
+        moved = acted(was, rig.points[i]) - acted(now, rig.points[i])
         assert np.linalg.norm(moved, axis=1).max() <= bound + ROUNDING_M
 
 
@@ -144,19 +144,19 @@ def test_one_joint_alone_comes_near_the_bound(rig: Rig) -> None:
     before, after = rig.poses(q), rig.poses(q + turns)
     pairs = [(i, rig.standing) for i in rig.moving]
     for (i, _), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
-        moved = acted(before[i], rig.shapes[i]) - acted(after[i], rig.shapes[i])
+        moved = acted(before[i], rig.points[i]) - acted(after[i], rig.points[i])
         farthest = np.linalg.norm(moved, axis=1).max()
         assert bound <= CAPSULE_PLAY * farthest
 
 
-@settings(max_examples=25)
+@settings(max_examples=3)
 @given(seeds)
 def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = rig.arm.random_configuration(rng)
-    first, second = rng.integers(len(rig.shapes), size=(2, 40))
+    first, second = rng.integers(len(rig.shapes), size=(2, 20))
     placed = rig.bounds.place(rig.q_others, q[None]).shapes
-    gaps = rig.covers.gaps_m(placed, np.zeros(40, dtype=np.intp), first, second)
+    gaps = rig.covers.gaps_m(placed, np.zeros(20, dtype=np.intp), first, second)
     poses, shapes = rig.poses(q), [shape.geometry for shape in rig.shapes]
     for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
         apart = distance(shapes[i], poses[i], shapes[k], poses[k]) if i != k else 0.0
@@ -172,16 +172,3 @@ def test_shapes_move_as_their_own_robot_does(robot: Baxter) -> None:
     placed = checker.motion_bounds.place(rig.q_others, other.start[None]).shapes[0]
     expected = np.array([T.homogeneous for T in rig.poses(other.start)])
     np.testing.assert_allclose(placed, expected, rtol=0.0, atol=ROUNDING_M)
-
-
-def motion(arm: Arm, seed: int) -> Trajectory:
-    """Motions between random states, most of them moving, so that joints reverse."""
-    rng, limits = np.random.default_rng(seed), arm.limits
-    for _ in range(100):
-        q = rng.uniform(0.4 * limits.q_min, 0.4 * limits.q_max, size=(2, 7))
-        v = rng.uniform(-0.5, 0.5, size=(2, 7)) * limits.v_max
-        try:
-            return plan_joint_move(q[0], q[1], limits, v_start=v[0], v_goal=v[1])
-        except MotionError:
-            continue
-    raise AssertionError("no motion found")

@@ -16,7 +16,6 @@ from baxter_kin.validation import FloatArray, Indices
 from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.certificate.motion import carried
 from planner.clearance import Clearance, ContinuousContact, ContinuousProof
-from planner.collision import proof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.mover import Mover, Walk, about_z
@@ -30,7 +29,7 @@ BODY_M = 2e-3
 """Coal's shapes contain Rethink's meshes, and its distances are up to this much less: twice half a
 millimetre for each of two links."""
 
-SAMPLES = 100
+SAMPLES = 60
 
 SAMPLING_M = 2e-4
 """Error between samples 10 ms apart, where the second derivative is at most 16 m/s^2."""
@@ -114,21 +113,6 @@ def test_joints_of_the_left_arm_come_first(robot: Baxter) -> None:
 
 
 @settings(max_examples=10)
-@given(seeds)
-def test_poses_are_those_of_pinocchio(
-    robot: Baxter, checker: BothArms, full: FloatArray, seed: int
-) -> None:
-    bounds, limits = checker.motion_bounds, checker.mover.limits
-    q = np.random.default_rng(seed).uniform(limits.q_min, limits.q_max)
-    data, there = robot.model.createData(), np.array(full)
-    there[list(robot.indices(checker.mover.joint_names))] = q
-    pin.forwardKinematics(robot.model, data, there)
-    shapes = checker.geometry.geometryObjects
-    expected = [(data.oMi[shape.parentJoint] * shape.placement).homogeneous for shape in shapes]
-    np.testing.assert_allclose(bounds.place(full, q[None]).shapes[0], expected, atol=1e-12)
-
-
-@settings(max_examples=25)
 @given(seeds, sizes)
 def test_no_distance_changes_by_more_than_the_bound(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int, size: float
@@ -252,7 +236,7 @@ def random_motion(checker: BothArms, neutral: FloatArray, seed: int) -> Trajecto
     return plan_joint_move(q_start, q_goal, checker.mover.limits)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_proven_distance_of_both_arms_is_that_of_samples(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int
 ) -> None:
@@ -266,7 +250,7 @@ def test_the_proven_distance_of_both_arms_is_that_of_samples(
         assert result.proven_m >= SHARES[0] * result.nearest.distance_m - 1e-6
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_collision_of_both_arms_is_found_with_its_pair_and_time(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int
 ) -> None:
@@ -283,15 +267,3 @@ def test_a_collision_of_both_arms_is_found_with_its_pair_and_time(
     at_it = checker.nearest_by_peers(full, q, checker.across)
     assert at_it.distance_m <= near.distance_m + GJK_M <= GJK_M
     assert at_it.distance_m == pytest.approx(near.distance_m, abs=GJK_M)
-
-
-def test_numpy_proves_motions_of_both_arms_without_a_compiler(
-    checker: BothArms, full: FloatArray, neutral: FloatArray, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    motion, pairs = random_motion(checker, neutral, 0), checker.across
-    fast = prove_move(checker, motion, full, 0.0, pairs)
-    monkeypatch.setattr(proof, "rows_kernel", lambda: None)
-    slow = prove_move(checker, motion, full, 0.0, pairs)
-    assert isinstance(slow, ContinuousProof)
-    assert isinstance(fast, ContinuousProof)
-    assert slow.proven_m == pytest.approx(fast.proven_m, rel=0.05)

@@ -32,7 +32,7 @@ DOWN = (0.0, 1.0, 0.0, 0.0)
 PICK = pose_from_quaternion((0.7, 0.15, -0.139), DOWN)
 PLACE = pose_from_quaternion((0.75, 0.0, -0.139), DOWN)
 Z_TABLE = -0.155
-SAMPLES = 200
+SAMPLES = 80
 PROOF_M, ROUNDING_M = 2e-5, 1e-9
 """Difference of two runs of GJK, and the accuracy that a proof allows for."""
 
@@ -102,7 +102,7 @@ class TestFalsePlans:
     ) -> None:
         """A stem with a crossbar above it, which the fingers would be inside of."""
         z = Z_TABLE
-        for width_m in (0.030, 0.045, 0.055):
+        for width_m in (0.030, 0.055):
             parts = (
                 Part(Box((0.02, 0.02, 0.08)), at(0.0, 0.0, 0.04)),
                 Part(Box((0.02, width_m, 0.02)), at(0.0, 0.0, 0.07)),
@@ -122,18 +122,13 @@ class TestFalsePlans:
         fixed = post(0.015, 0.0226)
         movable = Body(fixed.name, fixed.parts, fixed.T_base_body, is_movable=True)
         assert openings(planned(manipulator, table, cube(), movable))[0] is not None
+        alone = planned(manipulator, table, cube())
+        assert openings(alone) == [None, None, None]
+        assert all(step.proof is not None for step in alone)
 
 
 def at_height(x: float, y: float, z: float) -> pin.SE3:
     return pose_from_quaternion((x, y, z), DOWN)
-
-
-def test_the_fingers_open_fully_where_nothing_blocks_them(
-    manipulator: Manipulator, table: Body
-) -> None:
-    plan = planned(manipulator, table, cube())
-    assert openings(plan) == [None, None, None]
-    assert all(step.proof is not None for step in plan)
 
 
 def test_travelling_fingers_keep_a_margin(robot: Baxter, plain: RobotBody, table: Body) -> None:
@@ -148,7 +143,7 @@ def test_travelling_fingers_keep_a_margin(robot: Baxter, plain: RobotBody, table
     assert wide - narrow == pytest.approx(0.002, abs=2e-4)  # found in steps of 0.1 mm
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(
     x=st.floats(-0.03, 0.03),
     y=st.floats(-0.05, 0.05),
@@ -178,7 +173,7 @@ def test_no_sample_is_nearer_than_proven_and_reported_contacts_exist(
         assert min(gaps) <= hand.stroke_m / SAMPLES
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(off=st.floats(-0.006, 0.006), gap=st.floats(-0.001, 0.01))
 @example(off=0.00390625, gap=PROOF_M)  # a case that rounding decides
 def test_a_pushed_body_hits_its_neighbour_exactly_when_it_is_near_enough(

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
-import subprocess
-import sys
 import threading
 import time
 from typing import Any
@@ -65,49 +62,21 @@ def found(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> Float
 
 
 @given(seeds)
-@settings(max_examples=15)
-def test_the_lines_between_corners_cut_no_more_of_a_disc_than_a_chord(seed: int) -> None:
-    points = along(found(seed=seed))
-
-    assert least_distance(AROUND_DISC, points) > -CHORD_DEPTH
-
-
-@given(seeds)
-@settings(max_examples=15)
-def test_corners_start_and_end_exactly_where_asked(seed: int) -> None:
-    corners = found(seed=seed)
-
-    assert np.array_equal(corners[0], LEFT)
-    assert np.array_equal(corners[-1], RIGHT)
-
-
-@given(seeds)
-@settings(max_examples=15)
-def test_corners_are_inside_the_limits(seed: int) -> None:
-    assert all(not LIMITS.violations(q) for q in found(seed=seed))
-
-
-@given(seeds)
 @settings(max_examples=10)
+def test_corners_lead_around_a_disc_inside_the_limits(seed: int) -> None:
+    corners = found(seed=seed)
+    assert least_distance(AROUND_DISC, along(corners)) > -CHORD_DEPTH
+    np.testing.assert_array_equal(corners[[0, -1]], [LEFT, RIGHT])
+    assert all(not LIMITS.violations(q) for q in corners)
+
+
+@given(seeds)
+@settings(max_examples=4)
 def test_the_same_seed_finds_the_same_corners_whatever_was_searched_before(seed: int) -> None:
     first = found(seed=seed)
     found(seed=seed + 1)
 
     assert np.array_equal(found(seed=seed), first)
-
-
-def test_another_process_finds_the_same_corners() -> None:
-    code = (
-        "from tests.planner.motion.test_rrt import found\n"
-        "print(','.join(x.hex() for x in found(seed=5).ravel().tolist()))"
-    )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    out = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
-    )
-
-    assert out.stdout.strip() == ",".join(x.hex() for x in found(seed=5).ravel().tolist())
-    assert out.stderr == ""
 
 
 def test_seeds_matter() -> None:
@@ -146,28 +115,19 @@ def test_a_time_limit_of_ages_is_not_over_at_once() -> None:
     assert search(timeout_s=1e300) is not None
 
 
-def test_what_a_check_raises_reaches_the_caller_and_the_next_search_works() -> None:
+@pytest.mark.parametrize("error", [RuntimeError("no shapes"), KeyboardInterrupt()])
+def test_what_a_check_raises_reaches_the_caller_and_the_next_search_works(
+    error: BaseException, capfd: pytest.CaptureFixture[str]
+) -> None:
     def broken(q: FloatArray) -> bool:
-        raise RuntimeError("no shapes")
+        raise error
 
-    with pytest.raises(RuntimeError, match="no shapes"):
+    with pytest.raises(type(error)):
         search(is_free=broken)
-
-    assert search() is not None
-
-
-def test_an_interrupt_in_a_check_reaches_the_caller() -> None:
-    def interrupted(q: FloatArray) -> bool:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        search(is_free=interrupted)
-
-
-def test_an_answer_of_numpy_is_understood() -> None:
-    answers: Any = {"is_free": lambda q: np.bool_(AROUND_DISC.is_free(q))}
-
-    assert np.array_equal(found(**answers), found())
+    numpy_answers: Any = lambda q: np.bool_(AROUND_DISC.is_free(q))  # noqa: E731
+    assert np.array_equal(found(is_free=numpy_answers), found())
+    assert search(is_free=nowhere) is None
+    assert capfd.readouterr() == ("", "")  # OMPL prints nothing
 
 
 def test_a_search_within_a_search_does_not_wait_for_itself() -> None:
@@ -196,13 +156,6 @@ def test_searches_in_threads_find_what_they_find_alone() -> None:
         thread.join()
 
     assert all(np.array_equal(together[seed], alone[seed]) for seed in range(4))
-
-
-def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
-    search()
-    search(is_free=nowhere)
-
-    assert capfd.readouterr() == ("", "")
 
 
 def test_the_log_level_of_others_is_put_back() -> None:

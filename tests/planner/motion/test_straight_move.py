@@ -31,7 +31,9 @@ from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from planner.motion.program.guess import LineFollowed, guess_along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
+from tests.conftest import at
 from tests.planner.lines import (
+    DESCENT_M,
     STRAIGHT_M,
     STRAIGHT_RAD,
     above,
@@ -67,27 +69,15 @@ def assert_inside(motion: Trajectory) -> None:
 
 
 @few
-@given(seeds)
-def test_any_motion_stays_on_its_line_with_the_orientation_that_belongs_there(
-    arm: Arm, seed: int
+@given(seeds, st.sampled_from([1.0, 0.3, 0.02]))
+def test_any_motion_is_on_its_line_inside_the_limits_from_rest_to_rest(
+    arm: Arm, seed: int, speed_ratio: float
 ) -> None:
-    motion, line = random_move(arm, seed)
+    motion, line = random_move(arm, seed, arm.limits.scaled(speed_ratio))
     off_m, off_rad = farthest_off(motion, arm, line.T_base_start, line.T_base_goal)
     assert off_m <= STRAIGHT_M
     assert off_rad <= STRAIGHT_RAD
-
-
-@few
-@given(seeds, st.floats(0.02, 1.0))
-def test_any_motion_keeps_every_limit(arm: Arm, seed: int, speed_ratio: float) -> None:
-    limits = arm.limits.scaled(speed_ratio)
-    assert_inside(random_move(arm, seed, limits)[0])
-
-
-@few
-@given(seeds)
-def test_any_motion_is_from_rest_to_rest_and_ends_at_the_goal(arm: Arm, seed: int) -> None:
-    motion, line = random_move(arm, seed)
+    assert_inside(motion)
     for rates in (motion.v[0], motion.a[0], motion.v[-1], motion.a[-1]):
         assert np.abs(rates).max() <= CONTINUITY_TOLERANCE
     assert arm.T_base_tip(motion.q_goal).isApprox(line.T_base_goal, 1e-8)
@@ -101,16 +91,17 @@ LOCAL_SEEDS = (3, 257, 354, 81537329)
 2, 15 and 22 % slower."""
 
 
-def test_the_way_back_takes_no_longer(left: Arm) -> None:
+@pytest.mark.parametrize("draws", [4, pytest.param(40, marks=pytest.mark.campaign)])
+def test_the_way_back_takes_no_longer(left: Arm, draws: int) -> None:
     """Always the same draws, as the program promises a local optimum; one in hundreds is worse."""
     count = 0
-    for seed in (*range(40), *LOCAL_SEEDS):
+    for seed in (*range(draws), *LOCAL_SEEDS):
         with suppress(StraightMoveError):
             forth, line = drawn_move(left, seed)
             back = plan_straight_move(left, forth.q_goal, line.T_base_start, left.limits)
             assert back.duration <= (1.0 + SAME_TIME) * forth.duration
             count += 1
-    assert count > 30
+    assert count > 0.7 * draws
 
 
 def test_a_local_optimum_is_left_for_a_faster_one(left: Arm) -> None:
@@ -162,32 +153,29 @@ def test_a_descent_of_the_demo_is_faster_than_along_the_path_of_least_norm(arm: 
     assert 0.9 * LEAST_NORM_OF_DESCENT_S < descent(arm).duration < LEAST_NORM_OF_DESCENT_S
 
 
-def test_a_descent_is_close_to_that_on_four_times_as_many_intervals(arm: Arm) -> None:
-    usual = descent(arm)
-    finer = plan_straight_move(arm, q_above(arm), above(0.0, arm.side), arm.limits, fineness=4)
+def test_a_descent_is_close_to_that_on_four_times_as_many_intervals(left: Arm) -> None:
+    usual = descent(left)
+    assert max(usual.peak_ratios()) >= 0.99
+    finer = plan_straight_move(left, q_above(left), above(0.0, left.side), left.limits, fineness=4)
     assert len(finer.j) == 4 * len(usual.j)
     assert usual.duration <= 1.005 * finer.duration
 
 
-def test_a_descent_uses_a_limit_to_the_full(arm: Arm) -> None:
-    assert max(descent(arm).peak_ratios()) >= 0.99
-
-
-def test_no_joint_jumps_to_another_branch(arm: Arm) -> None:
+def test_no_joint_jumps_to_another_branch(left: Arm) -> None:
     """Solutions that follow from each other in small steps lead to about where it ends."""
-    motion = descent(arm)
-    line = StraightLine(arm.T_base_tip(motion.q_start), above(0.0, arm.side))
-    ik, q = IKService(arm), motion.q_start
+    motion = descent(left)
+    line = StraightLine(left.T_base_tip(motion.q_start), above(0.0, left.side))
+    ik, q = IKService(left), motion.q_start
     for s in np.linspace(0.0, 1.0, 201)[1:].tolist():
         q = ik.solve(line.at(s), seed=q).q
     assert np.abs(motion.q_goal - q).max() < 0.3
 
 
-def test_a_turn_on_the_spot_keeps_the_tip_where_it_is(arm: Arm) -> None:
-    q = q_above(arm)
-    goal = arm.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.6])), np.zeros(3))
-    motion = plan_straight_move(arm, q, goal, arm.limits)
-    off_m, off_rad = farthest_off(motion, arm, arm.T_base_tip(q), goal)
+def test_a_turn_on_the_spot_keeps_the_tip_where_it_is(left: Arm) -> None:
+    q = q_above(left)
+    goal = left.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.6])), np.zeros(3))
+    motion = plan_straight_move(left, q, goal, left.limits)
+    off_m, off_rad = farthest_off(motion, left, left.T_base_tip(q), goal)
     assert off_m <= STRAIGHT_M
     assert off_rad <= STRAIGHT_RAD
     assert_inside(motion)
@@ -202,50 +190,40 @@ def test_a_short_line_with_a_large_turn_keeps_its_orientation(left: Arm) -> None
     assert farthest_off(motion, left, start, goal)[1] <= STRAIGHT_RAD
 
 
-def test_a_goal_where_the_arm_stands_takes_no_time(arm: Arm) -> None:
-    q = q_above(arm)
-    motion = plan_straight_move(arm, q, arm.T_base_tip(q), arm.limits)
-    assert motion.duration == 0.0
-    np.testing.assert_array_equal(motion.q_start, q)
-
-
-@pytest.mark.parametrize("length_m", [2e-9, 1e-7, 1e-5, 1e-3])
-def test_a_tiny_line_is_a_motion(arm: Arm, length_m: float) -> None:
-    q = q_above(arm)
-    goal = arm.T_base_tip(q)
+@pytest.mark.parametrize("length_m", [2e-9, 1e-5])
+def test_a_tiny_line_is_a_motion(left: Arm, length_m: float) -> None:
+    q = q_above(left)
+    for point_m in (0.0, 0.9e-9):
+        point = left.T_base_tip(q)
+        point.translation[2] -= point_m
+        assert plan_straight_move(left, q, point, left.limits).duration == 0.0
+    goal = left.T_base_tip(q)
     goal.translation[2] -= length_m
-    motion = plan_straight_move(arm, q, goal, arm.limits)
+    motion = plan_straight_move(left, q, goal, left.limits)
     assert motion.duration > 0.0
     assert_inside(motion)
-    missed = np.linalg.norm(arm.T_base_tip(motion.q_goal).translation - goal.translation)
+    missed = np.linalg.norm(left.T_base_tip(motion.q_goal).translation - goal.translation)
     assert missed <= 1e-9 + 0.01 * length_m**2
 
 
-def test_a_line_below_the_least_length_is_a_point(arm: Arm) -> None:
-    q = q_above(arm)
-    goal = arm.T_base_tip(q)
-    goal.translation[2] -= 0.9e-9
-    assert plan_straight_move(arm, q, goal, arm.limits).duration == 0.0
-
-
-def test_it_starts_and_ends_at_the_speeds_asked_for(arm: Arm) -> None:
+def test_it_starts_and_ends_at_the_speeds_asked_for(left: Arm) -> None:
     motion = plan_straight_move(
-        arm,
-        q_above(arm),
-        above(0.0, arm.side),
-        arm.limits,
+        left,
+        q_above(left),
+        above(0.0, left.side),
+        left.limits,
         speed_start_m_s=0.15,
         acceleration_start_m_s2=-0.1,
         speed_end_m_s=0.05,
     )
-    first = arm.jacobian(motion.q[0]) @ motion.v[0]
-    last = arm.jacobian(motion.q[-1]) @ motion.v[-1]
+    first = left.jacobian(motion.q[0]) @ motion.v[0]
+    last = left.jacobian(motion.q[-1]) @ motion.v[-1]
     np.testing.assert_allclose(first, [0.0, 0.0, -0.15, 0.0, 0.0, 0.0], atol=1e-7)
     np.testing.assert_allclose(last, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], atol=1e-7)
     assert_inside(motion)
     t = 1e-4
-    ahead = speed_down(arm, motion, t)
-    assert (ahead - speed_down(arm, motion, 0.0)) / t == pytest.approx(-0.1, abs=0.01)
+    ahead = speed_down(left, motion, t)
+    assert (ahead - speed_down(left, motion, 0.0)) / t == pytest.approx(-0.1, abs=0.01)
 
 
 def speed_down(arm: Arm, motion: Trajectory, t: float) -> float:
@@ -265,29 +243,21 @@ def test_passing_the_hover_pose_joins_without_a_jump_and_saves_time(left: Arm) -
     assert there.duration + down.duration < stopping + descent(left).duration
 
 
-def test_says_how_far_it_is_out_of_reach(arm: Arm) -> None:
+def test_says_how_far_it_is_out_of_reach(left: Arm) -> None:
     with pytest.raises(StraightMoveError, match=r"out of reach, .* mm beyond") as caught:
-        plan_straight_move(arm, q_above(arm), above(-1.0, arm.side), arm.limits)
+        plan_straight_move(left, q_above(left), above(-1.0, left.side), left.limits)
     assert 0.2 < caught.value.fraction < 0.6
     assert "out of reach" in caught.value.reason
 
 
-@pytest.mark.parametrize("scale", [1.0, 10.0])
-def test_asks_whether_a_goal_is_in_millimetres(left: Arm, scale: float) -> None:
-    goal = above(0.0, "left")
-    goal.translation = scale * np.array([700.0, 150.0, -129.0])
-    with pytest.raises(MotionError, match=r"are these millimetres\?"):
-        plan_straight_move(left, q_above(left), goal, left.limits)
-
-
-def test_names_the_joint_that_runs_into_its_limit(arm: Arm) -> None:
-    q = q_above(arm)
-    goal = arm.T_base_tip(q)
+def test_names_the_joint_that_runs_into_its_limit(left: Arm) -> None:
+    q = q_above(left)
+    goal = left.T_base_tip(q)
     goal.translation[0] = 0.3
     with pytest.raises(
-        StraightMoveError, match=rf"{arm.side}_e1 .* upper limit of 2.618"
+        StraightMoveError, match=rf"{left.side}_e1 .* upper limit of 2.618"
     ) as caught:
-        plan_straight_move(arm, q, goal, arm.limits)
+        plan_straight_move(left, q, goal, left.limits)
     assert 0.8 < caught.value.fraction < 1.0
 
 
@@ -328,43 +298,38 @@ def test_says_that_a_singularity_is_in_the_way(left: Arm) -> None:
     assert 0.0 < caught.value.fraction < 1.0
 
 
-def test_half_a_turn_is_refused_because_both_ways_are_as_short(left: Arm) -> None:
-    q = q_above(left)
-    goal = left.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.0, 0.0, math.pi])), np.zeros(3))
-    with pytest.raises(StraightMoveError, match="half a turn") as caught:
-        plan_straight_move(left, q, goal, left.limits)
-    assert caught.value.fraction == 0.0
-
-
-def test_a_straight_move_error_is_a_motion_error() -> None:
-    assert issubclass(StraightMoveError, MotionError)
+TURNED, HALF_TURNED = (
+    above(DESCENT_M) * pin.SE3(pin.exp3(np.array([0.0, 0.0, angle])), np.zeros(3))
+    for angle in (0.3, math.pi)
+)
+"""The pose at the start, turned on the spot."""
 
 
 @pytest.mark.parametrize(
     ("changed", "error"),
     [
-        ({"q_start": np.zeros(6)}, ConfigurationError),
-        ({"q_start": np.full(7, math.nan)}, ConfigurationError),
-        ({"q_start": np.full(7, 9.0)}, ConfigurationError),
-        ({"q_start": "rest"}, ConfigurationError),
-        ({"T_base_goal": np.eye(3)}, PoseError),
-        ({"T_base_goal": np.full((4, 4), math.nan)}, PoseError),
-        ({"T_base_goal": np.diag([1.0, 1.0, -1.0, 1.0])}, PoseError),
-        ({"T_base_goal": None}, PoseError),
+        *(
+            ({"q_start": bad}, ConfigurationError)
+            for bad in (np.zeros(6), np.full(7, math.nan), np.full(7, 9.0), "rest")
+        ),
+        *(
+            ({"T_base_goal": bad}, PoseError)
+            for bad in (np.eye(3), np.full((4, 4), math.nan), np.diag([1.0, 1.0, -1.0, 1.0]), None)
+        ),
+        ({"T_base_goal": at(700.0, 150.0, -129.0)}, MotionError),
+        ({"T_base_goal": HALF_TURNED}, StraightMoveError),
+        ({"T_base_goal": TURNED, "speed_start_m_s": 0.1}, MotionError),
         ({"limits": None}, MotionError),
         ({"arm": "left"}, MotionError),
-        ({"speed_start_m_s": -0.1}, MotionError),
-        ({"speed_start_m_s": math.nan}, MotionError),
+        *(({"speed_start_m_s": bad}, MotionError) for bad in (-0.1, math.nan, 3.0, 50.0)),
         ({"speed_end_m_s": math.inf}, MotionError),
-        ({"fineness": 0}, MotionError),
-        ({"fineness": 1.5}, MotionError),
+        *(({"fineness": bad}, MotionError) for bad in (0, 1.5)),
         ({"line_tolerance": 0.001}, MotionError),
-        ({"acceleration_start_m_s2": "hard"}, MotionError),
-        ({"speed_start_m_s": 50.0}, MotionError),
-        ({"acceleration_end_m_s2": 50.0}, MotionError),
+        *(({"acceleration_start_m_s2": bad}, MotionError) for bad in ("hard", -0.5)),
+        *(({"acceleration_end_m_s2": bad}, MotionError) for bad in (0.5, 50.0)),
     ],
 )
-def test_refuses_malformed_input(left: Arm, changed: dict[str, Any], error: type) -> None:
+def test_refuses_invalid_input(left: Arm, changed: dict[str, Any], error: type) -> None:
     given_: dict[str, Any] = {
         "arm": left,
         "q_start": q_above(left),
@@ -375,32 +340,15 @@ def test_refuses_malformed_input(left: Arm, changed: dict[str, Any], error: type
         plan_straight_move(**given_ | changed)
 
 
-def test_refuses_the_limits_of_the_other_arm(robot: Baxter) -> None:
+def test_names_the_joints_of_other_limits_and_of_speeds_that_are_too_great(robot: Baxter) -> None:
     left, right = robot.arm("left"), robot.arm("right")
     with pytest.raises(MotionError, match=r"right_s0.*left arm has left_s0"):
         plan_straight_move(left, q_above(left), above(0.0), right.limits)
-
-
-def test_says_which_joint_a_start_is_too_fast_for(left: Arm) -> None:
     with pytest.raises(MotionError, match=r"start of the line asks .* of left_\w+, whose"):
         plan_straight_move(left, q_above(left), above(0.0), left.limits, speed_start_m_s=3.0)
-
-
-def test_says_that_the_way_is_too_short_to_stop(left: Arm) -> None:
-    q = q_above(left)
-    goal = left.T_base_tip(q)
-    goal.translation[2] -= 0.002
+    short = above(DESCENT_M - 0.002)
     with pytest.raises(MotionError, match=r"no motion .* line of 2 mm that has these speeds"):
-        plan_straight_move(left, q, goal, left.limits, speed_start_m_s=0.3)
-
-
-def test_an_end_that_leads_off_the_line_is_refused(left: Arm) -> None:
-    with pytest.raises(MotionError, match="leads off the start of the line"):
-        plan_straight_move(
-            left, q_above(left), above(0.0), left.limits, acceleration_start_m_s2=-0.5
-        )
-    with pytest.raises(MotionError, match="leads off the end of the line"):
-        plan_straight_move(left, q_above(left), above(0.0), left.limits, acceleration_end_m_s2=0.5)
+        plan_straight_move(left, q_above(left), short, left.limits, speed_start_m_s=0.3)
 
 
 @pytest.mark.parametrize(
@@ -444,10 +392,3 @@ def test_any_tolerance_is_kept(left: Arm, seed: int, metres: float, rad: float) 
     off_m, off_rad = farthest_off(motion, left, line.T_base_start, line.T_base_goal)
     assert off_m <= tolerance.position_m
     assert off_rad <= tolerance.rotation_rad
-
-
-def test_a_turn_on_the_spot_has_no_tip_speed(left: Arm) -> None:
-    q = q_above(left)
-    goal = left.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.3])), np.zeros(3))
-    with pytest.raises(MotionError, match="no speed along the line"):
-        plan_straight_move(left, q, goal, left.limits, speed_start_m_s=0.1)

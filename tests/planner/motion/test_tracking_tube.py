@@ -1,4 +1,4 @@
-"""The tube of a motion: 10,000 arms that are simulated otherwise, none of them outside."""
+"""The tube of a motion: no arm that is simulated otherwise leaves it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from planner.motion.tracking_tube import (
     tracking_tube,
 )
 
-BATCHES, BATCH = 3, 1_000
-"""Of arms, for each of four responses: 12,000 in all."""
+BATCH = 150
+"""Of arms, for each of four responses: 600 in all, and 12,000 in a campaign."""
 
 STEP_S = 2e-3
 """Of the simulation: set-points and lags stand for so long."""
@@ -123,7 +123,8 @@ def bounds_at(found: SettlingTube, times_s: FloatArray) -> tuple[FloatArray, Flo
     ],
     ids=["lag", "lead", "none to lag", "each its own"],
 )
-def test_none_of_ten_thousand_arms_leaves_the_tube(move: Trajectory, response: Response) -> None:
+@pytest.mark.parametrize("batches", [1, pytest.param(20, marks=pytest.mark.campaign)])
+def test_no_arm_leaves_the_tube(move: Trajectory, response: Response, batches: int) -> None:
     """Held set-points that come late, lags that change at any time, arms that start elsewhere."""
     rng = np.random.default_rng(14)
     start = move.q_start - 0.01, move.q_start + 0.02
@@ -131,7 +132,7 @@ def test_none_of_ten_thousand_arms_leaves_the_tube(move: Trajectory, response: R
     steps = int(1.2 * found.tube.times_s[-1] / STEP_S)
     low, high = bounds_at(found, STEP_S * np.arange(steps + 1.0))
     outside = 0
-    for _ in range(BATCHES):
+    for _ in range(batches):
         begin = rng.uniform(*start, (BATCH, 7))
         plan_s = Stream.of(rng, response, BATCH, steps).plan_s
         y = simulated(move, response, begin, plan_s, lags(rng, response, BATCH, steps))
@@ -173,7 +174,7 @@ def test_agrees_with_an_integrator_of_differential_equations(move: Trajectory) -
     response = Response((0.3, 0.5), speed=0.6)
     found = tracking_tube(move, response, (move.q_start, move.q_start))
     end_s = float(found.tube.times_s[-1])
-    for seed in range(8):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         rate, phase = rng.uniform(0.5, 12.0, 7), rng.uniform(0.0, 6.0, 7)
 
@@ -196,7 +197,7 @@ def test_a_stream_that_halts_is_covered_where_the_least_lag_is_zero(move: Trajec
     response = Response((0.0, 0.45), speed=1.0, late_s=0.0)
     found = tracking_tube(move, response, (move.q_start, move.q_start))
     rng, step_s = np.random.default_rng(3), 1e-3
-    for _ in range(20):
+    for _ in range(6):
         lag_s = rng.uniform(0.05, 0.45, 7)
         rates = np.repeat(rng.choice([0.0, 0.1, 0.5, 1.0], 400), rng.integers(1, 60, 400))
         plan_s = np.cumsum(rates) * step_s
@@ -207,19 +208,6 @@ def test_a_stream_that_halts_is_covered_where_the_least_lag_is_zero(move: Trajec
         low, high = bounds_at(found, plan_s)
         assert (np.array(ys[1:]) >= low).all()
         assert (np.array(ys[1:]) <= high).all()
-
-
-def test_a_stream_that_halts_may_leave_the_tube_otherwise(move: Trajectory) -> None:
-    """So it is said, and not covered: the arm catches up while the set-point stands."""
-    response = Response((0.4, 0.45), speed=1.0, late_s=0.0)
-    found = tracking_tube(move, response, (move.q_start, move.q_start))
-    halted = move.duration / 2
-    y = np.array(move.q_start)
-    for now in np.append(np.arange(0.0, halted, 1e-3), np.repeat(halted, 500)):
-        target = response.command(move, float(now)).q
-        y = target + (y - target) * np.exp(-1e-3 / 0.42)
-    low, high = bounds_at(found, np.array([halted]))
-    assert ((y < low) | (y > high)).any()
 
 
 responses = st.builds(
@@ -234,7 +222,7 @@ responses = st.builds(
 )
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(responses, st.floats(0.0, 0.1), st.floats(0.0, 0.1), st.floats(0.0, 0.05))
 def test_what_allows_more_has_a_wider_tube(
     move: Trajectory, response: Response, faster_s: float, slower_s: float, later_s: float
@@ -254,7 +242,7 @@ def test_what_allows_more_has_a_wider_tube(
     assert (highest >= high - ROUNDING_RAD).all()
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(st.floats(0.1, 1.0))
 def test_without_lag_the_tube_is_the_path_but_for_the_age_of_set_points(
     move: Trajectory, speed: float
@@ -271,7 +259,7 @@ def test_without_lag_the_tube_is_the_path_but_for_the_age_of_set_points(
     assert (high - low <= 2.0 * moved).all()
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(st.floats(0.1, 0.9), st.floats(0.1, 0.8))
 def test_slower_is_nearer_to_the_path(move: Trajectory, speed: float, share: float) -> None:
     def off_rad(at: float) -> float:
@@ -294,7 +282,7 @@ def test_the_right_lead_leaves_a_deviation_of_second_order(move: Trajectory) -> 
     assert offs[0.4] < 0.1 * offs[0.0]
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(responses, st.integers(0, 2**32 - 1))
 def test_whoever_is_settled_is_in_a_box_of_the_next_start(
     move: Trajectory, response: Response, seed: int
@@ -334,6 +322,8 @@ def test_rates_bound_what_joints_do(move: Trajectory) -> None:
     assert (found.rates <= 2.0 * rates).all()
     for least in (0.0, np.nextafter(0.0, 1.0)):
         assert np.isinf(tracking_tube(move, Response((least, 0.1)), start).rates).all()
+    rest = Trajectory.stay(move.q_start, move.limits)
+    np.testing.assert_array_equal(tracking_tube(rest, Response((0.0, 0.4)), start).rates, 0.0)
 
 
 def test_a_motion_of_no_duration_rests(left: Arm) -> None:
@@ -344,9 +334,3 @@ def test_a_motion_of_no_duration_rests(left: Arm) -> None:
     assert (low <= left.neutral).all()
     assert (left.neutral <= high).all()
     assert float((high - low).max()) <= 2.0 * SETTLED_RAD
-
-
-def test_a_joint_that_rests_has_no_rate_even_if_it_may_follow_at_once(left: Arm) -> None:
-    rest = Trajectory.stay(left.start, left.limits)
-    rates = tracking_tube(rest, Response((0.0, 0.4)), (left.start, left.start)).rates
-    np.testing.assert_array_equal(rates, np.zeros(7))

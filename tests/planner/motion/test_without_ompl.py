@@ -52,13 +52,7 @@ def unled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(free_move, "led_around", lambda *_, **__: [])
 
 
-def test_the_demo_needs_none() -> None:
-    command = sys.executable, "-c", WITHOUT, "baxter_kin.demo", "--headless", "--cycles", "1"
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_the_demo_passes_a_wall_without_it() -> None:
+def test_the_demo_needs_none_even_to_pass_a_wall() -> None:
     obstacle = "--obstacle", "0.72", "0.075", "-0.055", "0.3", "0.02", "0.2"
     command = sys.executable, "-c", WITHOUT, "baxter_kin.demo", "--headless", "--cycles", "1"
     done = subprocess.run([*command, *obstacle], capture_output=True, text=True, check=False)
@@ -133,31 +127,22 @@ sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", *sys.argv[2:]]))
 """
 """Runs tests without OMPL, as if wheels of it ended with a Python."""
 
-FREE_MOVES = str(Path(__file__).with_name("test_free_move.py"))
-"""Tests of which some search, and only these may be skipped."""
-
 
 @pytest.mark.parametrize(
-    ("newest", "options", "status", "told"),
+    ("newest", "status", "reason"),
     [
-        (
-            (3, 9),
-            (FREE_MOVES,),
-            0,
-            r"skipped \d\d: OMPL, which searches need, has no wheel for this Python",
-        ),
-        ((3, 9), ("--no-skips",), 1, r"skipped \d\d: OMPL"),
-        ((3, 99), ("-x",), 1, r"MissingLibraryError: .* need OMPL, which is not installed"),
+        ((3, 9), 0, r"skipped \d\d: OMPL, which searches need, has no wheel for this Python"),
+        ((3, 99), 1, r"MissingLibraryError: .* need OMPL, which is not installed"),
     ],
 )
 def test_tests_of_searches_are_skipped_only_where_it_has_no_wheel(
-    newest: tuple[int, int], options: tuple[str, ...], status: int, told: str
+    newest: tuple[int, int], status: int, reason: str
 ) -> None:
     tests = str(Path(__file__).with_name("test_rrt.py"))
-    command = [sys.executable, "-c", TESTS_OF_SEARCHES, str(newest), tests, *options]
+    command = [sys.executable, "-c", TESTS_OF_SEARCHES, str(newest), tests, "-x"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stdout
-    assert re.search(told, done.stdout)
+    assert re.search(reason, done.stdout)
 
 
 def test_a_copy_that_does_not_load_is_told_with_its_reason(

@@ -25,9 +25,9 @@ STAGES = [
 
 
 @pytest.fixture(scope="session")
-def plan(manipulator: Manipulator, scene: Scene) -> Plan:
-    """Of the demo's cycle."""
-    return planned(TASK, manipulator, scene)
+def plan(tracked_plan: Plan) -> Plan:
+    """The demo's cycle."""
+    return tracked_plan
 
 
 def planned(task: PickAndPlace, manipulator: Manipulator, scene: Scene) -> Plan:

@@ -101,6 +101,11 @@ def test_a_lag_of_0_4_s_passes_at_speed_0_3(slow: TrackingProof, tracked_plan: P
     assert slow.greatest_speed == SLOW.speed
     assert [move.label for move in slow.moves] == [move.label for move in tracked_plan.moves]
     assert all(move.clearance_m > 0.01 for move in slow.moves)
+    for move in slow.moves:
+        assert move.nearest is not None
+        assert move.clearance_m <= move.nearest.distance_m <= 3.0 * move.clearance_m
+    assert slow.clearance_m == min(move.clearance_m for move in slow.moves)
+    assert str(slow).startswith("every path that the joints may take is clear\n  pick: approach: ")
 
 
 def test_a_refusal_at_full_speed_states_a_speed_that_passes(
@@ -111,6 +116,7 @@ def test_a_refusal_at_full_speed_states_a_speed_that_passes(
     assert speed is not None
     assert 0.3 <= speed < 1.0
     assert str(full.failure).endswith(f"; at speed {speed:.2f} instead of 1.00 it is proven")
+    assert str(full).splitlines()[0] == full.failure
     assert prove_tracking(tracked_plan, FULL.at_speed(speed), manipulator=manipulator).is_valid
 
 
@@ -133,7 +139,7 @@ def test_simulated_arms_never_come_nearer_than_proven(
     rng = np.random.default_rng(0)
     contexts = move_contexts(tracked_plan, manipulator)
     tips = [_tips(joined([move.trajectory]), manipulator) for move in tracked_plan.moves]
-    for _ in range(6):
+    for _ in range(3):
         smallest_m = dict.fromkeys(range(len(contexts)), np.inf)
         for step, (number, q) in enumerate(followed(tracked_plan, SLOW, rng)):
             if step % CHECKED_STEPS:
@@ -154,12 +160,6 @@ def test_simulated_arms_never_come_nearer_than_proven(
 def _tips(motion: Trajectory, manipulator: Manipulator) -> FloatArray:
     qs = motion.sample(np.linspace(0.0, motion.duration, 300)).q
     return np.array([manipulator.arm.T_base_tip(q).translation for q in qs])
-
-
-def test_the_smallest_distance_is_one_of_the_arm(slow: TrackingProof) -> None:
-    for move in slow.moves:
-        assert move.nearest is not None
-        assert move.clearance_m <= move.nearest.distance_m <= 3.0 * move.clearance_m
 
 
 def test_intended_contacts_are_excluded_with_an_allowance(slow: TrackingProof) -> None:
@@ -229,38 +229,39 @@ def test_a_body_that_only_a_lagging_arm_hits_is_found(
     assert any("inside ball" in str(move.failure) for move in proof.moves)
 
 
-def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipulator) -> None:
+def test_refuses_invalid_plans_and_arguments(tracked_plan: Plan, robot: Baxter) -> None:
+    passing = evolve(tracked_plan, steps=tracked_plan.steps[:2])
+    right = Manipulator.of(robot, "right")
+    asked: list[tuple[Plan, Any, dict[str, Any], type[Exception], str]] = [
+        (passing, SLOW, {}, TrajectoryError, r"pick: approach ends at 0\.5"),
+        (
+            tracked_plan,
+            SLOW,
+            {"manipulator": right},
+            TaskError,
+            "left arm",
+        ),
+        (tracked_plan, 0.4, {}, ResponseError, "Response"),
+        (tracked_plan, SLOW, {"start_rad": -1.0}, ResponseError, "start_rad"),
+    ]
+    for plan, response, options, error, reason in asked:
+        with pytest.raises(error, match=reason):
+            prove_tracking(plan, response, **options)
+    with pytest.raises(TaskError, match="clearance_m"):
+        MoveTracking("lift", None, None, 0.1, 0.01, 0.0)  # type: ignore[arg-type]
+
+
+def test_a_failed_plan_is_not_proven_and_one_without_steps_is(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
     failed = evolve(tracked_plan, failure=PlanFailure("place: open", "no way"))
     proof = prove_tracking(failed, SLOW, manipulator=manipulator)
     assert not proof.is_valid
     assert "no way" in str(proof.failure)
-
-
-def test_a_plan_that_does_not_rest_where_fingers_act_is_refused(
-    tracked_plan: Plan, manipulator: Manipulator
-) -> None:
-    cut = evolve(tracked_plan, steps=tracked_plan.steps[:2])
-    with pytest.raises(TrajectoryError, match=r"pick: approach ends at 0\.5"):
-        prove_tracking(cut, SLOW, manipulator=manipulator)
-
-
-def test_refuses_invalid_arguments(tracked_plan: Plan, robot: Baxter) -> None:
-    with pytest.raises(TaskError, match="left arm"):
-        prove_tracking(tracked_plan, SLOW, manipulator=Manipulator.of(robot, "right"))
-    with pytest.raises(ResponseError, match="Response"):
-        prove_tracking(tracked_plan, 0.4)  # type: ignore[arg-type]
-    with pytest.raises(ResponseError, match="start_rad"):
-        prove_tracking(tracked_plan, SLOW, start_rad=-1.0)
-
-
-def test_text_has_one_line_for_each_move(slow: TrackingProof, full: TrackingProof) -> None:
-    lines = str(slow).splitlines()
-    assert lines[0] == "every path that the joints may take is clear"
-    assert lines[1].startswith("  pick: approach: ")
-    assert "mm in intended contacts" in lines[2]
-    assert str(full).splitlines()[0] == full.failure
-    assert repr(slow).startswith("TrackingProof(6 moves, valid, ")
-    assert repr(slow.moves[1]).startswith("MoveTracking(pick: descend, ")
+    proof = prove_tracking(evolve(tracked_plan, steps=()), SLOW, manipulator=manipulator)
+    assert proof.is_valid
+    assert proof.moves == ()
+    assert proof.clearance_m == np.inf
 
 
 def test_a_plan_for_a_response_says_the_speed_at_which_it_is_proven(
@@ -311,14 +312,6 @@ def test_measurement_errors_at_the_start_count(
     assert proof.moves[0].deviation_rad >= START_RAD + 2 * 0.03
 
 
-def test_a_plan_without_steps_has_nothing_to_prove(
-    tracked_plan: Plan, manipulator: Manipulator
-) -> None:
-    proof = prove_tracking(evolve(tracked_plan, steps=()), SLOW, manipulator=manipulator)
-    assert proof.is_valid
-    assert proof.moves == ()
-
-
 RESPONSE = Response((0.3, 0.5), 0.001, 0.3)
 MOVE = MoveTracking("lift", 0.02, Clearance(0.03, "hand", "table", 1.0), 0.1, 0.01, 0.005, 0.002)
 
@@ -334,30 +327,6 @@ def tracking_proof(**changes: Any) -> TrackingProof:
         "greatest_speed": 0.3,
     }
     return TrackingProof(**{**values, **changes})
-
-
-def test_it_is_valid_without_a_failure() -> None:
-    assert tracking_proof().is_valid
-    assert not tracking_proof(failure="lift: it hits", greatest_speed=None).is_valid
-
-
-def test_its_clearance_is_the_smallest_of_its_moves() -> None:
-    other = MoveTracking("sink", 0.01, None, 0.1, 0.01, 0.0)
-    assert tracking_proof(moves=(MOVE, other)).clearance_m == 0.01
-    assert tracking_proof(moves=()).clearance_m == np.inf
-
-
-def test_rates_are_read_only() -> None:
-    proof = tracking_proof(rate_rad_s=[1.0] * 7)
-    with pytest.raises(ValueError, match="read-only"):
-        proof.rate_rad_s[0] = 2.0
-
-
-def test_values_of_wrong_types_are_refused() -> None:
-    with pytest.raises(TaskError, match="response"):
-        tracking_proof(response=0.4)
-    with pytest.raises(TaskError, match="clearance_m"):
-        MoveTracking("lift", None, None, 0.1, 0.01, 0.0)  # type: ignore[arg-type]
 
 
 def test_a_line_states_all_deviations_of_a_move() -> None:

@@ -11,14 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import BaxterError
 from baxter_kin.errors import PoseError
 from planner import Attachment, Body, Box, Cylinder, Part, Scene, Sphere
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.mesh import LARGEST_SHAPE_M, SMALLEST_SHAPE_M, Mesh
 from tests.conftest import at
-from tests.planner.conftest import mesh_of
 
 ROUNDING_M = 1e-12
 """Rounding of sums of a few products of numbers below 1."""
@@ -113,24 +111,11 @@ def test_extent_is_that_of_all_parts_where_they_are(
     low, high = body.extent_m(direction)
     assert low == pytest.approx(along.min(), abs=SAMPLING_M)
     assert high == pytest.approx(along.max(), abs=SAMPLING_M)
+    assert body.centre_base == pytest.approx(
+        [np.mean(body.extent_m(axis)) for axis in np.eye(3)], abs=ROUNDING_M
+    )
 
 
-@given(shapes, poses(), directions())
-def test_extent_moves_with_the_body(
-    shape: Shape, T: pin.SE3, direction: NDArray[np.float64]
-) -> None:
-    body = Body("b", (Part(shape, at(0.1, 0.2, 0.3)),), T)
-    shift = np.array([0.3, -0.2, 0.1])
-    moved = body.at(pin.SE3(T.rotation, T.translation + shift))
-    expected = np.array(body.extent_m(direction)) + direction @ shift
-    assert moved.extent_m(direction) == pytest.approx(expected, abs=ROUNDING_M)
-
-
-def test_centre_of_the_block_is_half_an_edge_from_its_corner(block: Body) -> None:
-    assert block.centre_base == pytest.approx([0.6975, 0.1515, -0.130], abs=ROUNDING_M)
-
-
-@pytest.mark.parametrize("length", BAD_LENGTHS)
 @pytest.mark.parametrize(
     "make",
     [
@@ -141,12 +126,12 @@ def test_centre_of_the_block_is_half_an_edge_from_its_corner(block: Body) -> Non
     ],
     ids=["box", "cylinder radius", "cylinder length", "sphere"],
 )
-def test_refuses_an_edge_or_radius_that_cannot_be_measured(make: Any, length: Any) -> None:
-    with pytest.raises(SceneError, match=r"box|cylinder|sphere"):
-        make(length)
+def test_refuses_an_edge_or_radius_that_cannot_be_measured(make: Any) -> None:
+    for length in BAD_LENGTHS:
+        with pytest.raises(SceneError, match=r"box|cylinder|sphere"):
+            make(length)
 
 
-@pytest.mark.parametrize("pose", BAD_POSES)
 @pytest.mark.parametrize(
     "place",
     [
@@ -158,9 +143,10 @@ def test_refuses_an_edge_or_radius_that_cannot_be_measured(make: Any, length: An
     ],
     ids=["part", "body", "body.at", "scene.moved", "attachment"],
 )
-def test_refuses_an_invalid_pose(scene: Scene, place: Any, pose: Any) -> None:
-    with pytest.raises(PoseError):
-        place(scene, pose)
+def test_refuses_an_invalid_pose(scene: Scene, place: Any) -> None:
+    for pose in BAD_POSES:
+        with pytest.raises(PoseError):
+            place(scene, pose)
 
 
 @pytest.mark.parametrize(
@@ -210,54 +196,30 @@ def test_refuses_an_invalid_direction(block: Body, direction: Any) -> None:
             ask(direction)
 
 
-def test_clips_a_colour_to_its_range() -> None:
-    assert Part(Sphere(0.1), at(0.0, 0.0, 0.0), (2.0, -1.0, 0.5, 1.0)).rgba == (1.0, 0.0, 0.5, 1.0)
-
-
-def test_a_body_keeps_its_pose_when_the_caller_changes_theirs(block: Body) -> None:
-    T = at(0.1, 0.2, 0.3)
-    body = Body("b", block.parts, T)
-    T.translation = np.zeros(3)
-    assert body.T_base_body.translation.tolist() == [0.1, 0.2, 0.3]
-
-
-def test_iterates_in_the_order_of_addition(table: Body, block: Body) -> None:
-    assert [body.name for body in Scene.of([block, table])] == ["block", "table"]
-
-
-def test_an_empty_scene_is_a_scene() -> None:
-    assert list(Scene.of()) == []
-
-
-def test_adding_removing_and_moving_do_not_change_the_scene(scene: Scene) -> None:
+def test_adding_removing_and_moving_make_other_scenes(
+    scene: Scene, table: Body, block: Body
+) -> None:
     before = {body.name: body.T_base_body.copy() for body in scene}
-    scene.without("block")
-    scene.moved("block", at(0.0, 0.0, 0.0))
-    scene.without("block").with_body(scene["block"].at(at(1.0, 1.0, 1.0)))
+    again = scene.without("block").with_body(block.at(at(1.0, 1.0, 1.0)))
+    assert [body.name for body in again] == ["table", "block"]
+    assert [body.name for body in scene.without("table").with_body(table)] == ["block", "table"]
+    assert list(scene.moved("table", at(0.0, 0.0, 0.0)).bodies) == list(scene.bodies)
     assert {body.name: body.T_base_body for body in scene} == before
-
-
-def test_a_moved_body_keeps_its_place_in_the_order(scene: Scene) -> None:
-    moved = scene.moved("table", at(0.0, 0.0, 0.0))
-    assert list(moved.bodies) == list(scene.bodies)
-
-
-def test_a_removed_body_can_be_added_again(scene: Scene) -> None:
-    assert set(scene.without("table").with_body(scene["table"]).bodies) == {"block", "table"}
-
-
-def test_the_bodies_of_a_scene_cannot_be_changed_from_outside(table: Body) -> None:
-    bodies = {"table": table}
-    scene = Scene(bodies)
-    bodies.clear()
-    assert list(scene.bodies) == ["table"]
-    with pytest.raises(TypeError, match="does not support item assignment"):
-        scene.bodies["block"] = table  # type: ignore[index]
-
-
-def test_refuses_a_second_body_of_the_same_name(scene: Scene, block: Body) -> None:
+    assert list(Scene.of()) == []
     with pytest.raises(SceneError, match="already has a body named 'block'"):
         scene.with_body(block)
+
+
+def test_values_do_not_follow_those_that_they_were_made_of(table: Body) -> None:
+    T, bodies = at(0.1, 0.2, 0.3), {"table": table}
+    body, held = Body("b", (BALL,), T), Attachment("block", "left_gripper", T)
+    scene = Scene(bodies)
+    T.translation = np.zeros(3)
+    bodies.clear()
+    assert body.T_base_body.translation.tolist() == [0.1, 0.2, 0.3]
+    assert held.T_link_body.translation.tolist() == [0.1, 0.2, 0.3]
+    assert list(scene.bodies) == ["table"]
+    assert Part(Sphere(0.1), ORIGIN, (2.0, -1.0, 0.5, 1.0)).rgba == (1.0, 0.0, 0.5, 1.0)
 
 
 @pytest.mark.parametrize("name", ["brick", "", None, 0, ["block"], {}, np.zeros(3)])
@@ -271,37 +233,8 @@ def test_a_message_on_an_unknown_body_names_those_in_the_scene(scene: Scene, nam
             ask()
 
 
-def test_a_message_on_an_unknown_body_says_that_the_scene_is_empty() -> None:
-    with pytest.raises(SceneError, match="it has: none"):
-        _ = Scene.of()["block"]
-
-
-def test_scene_errors_are_baxter_errors_and_value_errors() -> None:
-    assert issubclass(SceneError, BaxterError)
-    assert issubclass(SceneError, ValueError)
-
-
-def test_the_extent_of_a_mesh_is_that_of_its_corners() -> None:
-    mesh = mesh_of([[0.1, 0.0, 0.0], [0.4, 0.1, 0.0], [0.2, 0.0, 0.3]], [[0, 1, 2]])
-    body = Body("sail", (Part(mesh, at(1.0, 0.0, 0.0)),), at(0.0, 0.0, 2.0))
-    extents = [body.extent_m(axis) for axis in np.eye(3)]
-    assert np.allclose(extents, [(1.1, 1.4), (0.0, 0.1), (2.0, 2.3)])
-
-
 def test_a_refused_size_or_place_may_be_in_millimetres(block: Body) -> None:
     with pytest.raises(SceneError, match=r"are these millimetres\? .* 50 mm is 0.05 m"):
         Box((50.0, 0.1, 0.1))
     with pytest.raises(SceneError, match=r"are these millimetres\? .* 1200 mm is 1.2 m"):
         block.at(at(1200.0, 0.0, 0.0))
-
-
-def test_an_attachment_keeps_its_pose_when_the_caller_changes_theirs() -> None:
-    T = at(0.0, 0.0, 0.1)
-    held = Attachment("block", "left_gripper", T)
-    T.translation = np.ones(3)
-    assert held.T_link_body.translation.tolist() == [0.0, 0.0, 0.1]
-
-
-def test_an_attachment_is_shown_by_its_hand_and_body() -> None:
-    held = Attachment("cup", "right_gripper", ORIGIN)
-    assert repr(held) == "Attachment(right hand, holds 'cup')"

@@ -69,15 +69,6 @@ def test_a_ball_travels_to_a_ball_as_circles_do(
 
 
 @given(metres, metres, st.floats(0.3, 1.0))
-def test_a_ball_travels_to_a_face_until_its_radius_is_left(
-    radius: float, edge: float, ahead: float
-) -> None:
-    still = placed(Box((edge, edge, edge)), ahead)
-    travel = travel_to_contact(placed(Sphere(radius), 0.0), X, still, 2.0)
-    assert travel == pytest.approx(ahead - radius - edge / 2, abs=CONTACT_TOLERANCE_M)
-
-
-@given(metres, metres, st.floats(0.3, 1.0))
 def test_a_cylinder_travels_sideways_by_its_radius_and_lengthwise_by_half_its_length(
     radius: float, length: float, ahead: float
 ) -> None:
@@ -133,36 +124,22 @@ def test_a_shape_that_slides_past_another_never_touches_it(gap: float) -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, beside, 3.0) is None
     ahead = placed(CUBE, 0.2, 0.05 + gap)
     assert travel_to_contact(placed(CUBE, 0.0), X, ahead, 3.0) is None
-
-
-@pytest.mark.parametrize("gap", [1e-5, 1e-3, 0.01])
-def test_a_ball_that_passes_a_ball_never_touches_it(gap: float) -> None:
-    ahead = placed(Sphere(0.03), 0.2, 0.06 + gap)
-    assert travel_to_contact(placed(Sphere(0.03), 0.0), X, ahead, 3.0) is None
-
-
-def test_a_shape_that_moves_away_never_touches() -> None:
+    ball = placed(Sphere(0.03), 0.2, 0.06 + gap)
+    assert travel_to_contact(placed(Sphere(0.03), 0.0), X, ball, 3.0) is None
     assert travel_to_contact(placed(CUBE, 0.0), -X, placed(CUBE, 0.2), 3.0) is None
 
 
 @pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_approach_need_no_travel(x: float) -> None:
+def test_shapes_in_contact_touch_at_once_or_not_again(x: float) -> None:
     assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, x), 1.0) == 0.0
-
-
-@pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_separate_or_slide_do_not_touch_again(x: float) -> None:
     for direction in (-X, Y, -Y, Z):
         assert travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, x), 1.0) is None
-
-
-def test_a_contact_beyond_the_maximum_distance_is_not_reported() -> None:
-    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
 
 
 def test_a_contact_at_the_maximum_distance_counts() -> None:
     travel = travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.15)
     assert travel == pytest.approx(0.15, abs=CONTACT_TOLERANCE_M)
+    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
 
 
 SOLID = mesh_of(CORNERS / 10, SIDES)
@@ -198,9 +175,6 @@ def test_only_the_parts_that_touch_are_contacts() -> None:
 def test_intended_contacts_refuse_invalid_supports(supports: Any) -> None:
     with pytest.raises(SceneError):
         Contact.of_supports("block", supports)
-
-
-@pytest.mark.parametrize("may_press", [None, "yes", 1])
-def test_intended_contacts_refuse_an_invalid_choice(may_press: Any) -> None:
-    with pytest.raises(SceneError):
-        Contact.of_hand("left", "block", may_press=may_press)
+    if supports is None or isinstance(supports, (str, int)):
+        with pytest.raises(SceneError):
+            Contact.of_hand("left", "block", may_press=supports)

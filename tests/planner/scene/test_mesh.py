@@ -63,20 +63,6 @@ def test_support_is_the_farthest_corner(seed: int) -> None:
     assert mesh_of(vertices, [[0, 1, 2]]).support_m(direction) == pytest.approx(farthest)
 
 
-def test_copies_its_arrays() -> None:
-    vertices, triangles = np.eye(3), np.array([[0, 1, 2]])
-    mesh = mesh_of(vertices, triangles)
-    vertices[0], triangles[0] = 9.0, 0
-    assert np.array_equal(mesh.corners[0], np.eye(3))
-
-
-@pytest.mark.parametrize("name", ["vertices", "triangles"])
-def test_its_arrays_are_read_only(name: str) -> None:
-    mesh = mesh_of(TRIANGLE, [[0, 1, 2]])
-    with pytest.raises(ValueError, match="read-only"):
-        getattr(mesh, name)[0, 0] = 1
-
-
 @pytest.mark.parametrize(
     ("vertices", "triangles", "says"),
     [
@@ -104,16 +90,12 @@ def test_its_arrays_are_read_only(name: str) -> None:
         (TRIANGLE * 1e-300, [[0, 1, 2]], "no area"),
         (TRIANGLE * 2 * LARGEST_SHAPE_M, [[0, 1, 2]], "in metres"),
         (TRIANGLE * 1e300, [[0, 1, 2]], "in metres"),
+        (TRIANGLE, np.tile([0, 1, 2], (200_001, 1)), "200000"),
     ],
 )
 def test_refuses_arrays_that_are_not_a_mesh(vertices: Any, triangles: Any, says: str) -> None:
     with pytest.raises(SceneError, match=says):
         mesh_of(vertices, triangles)
-
-
-def test_refuses_too_many_triangles() -> None:
-    with pytest.raises(SceneError, match="200000"):
-        mesh_of(TRIANGLE, np.tile([0, 1, 2], (200_001, 1)))
 
 
 def cube(path: Path) -> Path:
@@ -138,13 +120,6 @@ def test_a_cube_stays_convex_when_scaled_or_mirrored(
     assert mesh.is_convex
     expected = np.abs(scale)
     np.testing.assert_allclose(mesh.vertices.max(axis=0), expected, rtol=FLOATS_OF_32_BITS)
-
-
-def test_triangles_without_area_are_left_out(tmp_path: Path) -> None:
-    path = cube(tmp_path / "cube.obj")
-    with path.open("a", encoding="utf-8") as stream:
-        stream.write("\nf 1 2 2\n")
-    assert len(load_mesh(path).triangles) == 12
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj", "dae"])
@@ -179,6 +154,22 @@ def test_an_invalid_unit_is_refused(tmp_path: Path, meter: str) -> None:
         load_mesh(path)
 
 
+def test_values_of_a_mesh_are_its_own_and_triangles_without_area_are_left_out(
+    tmp_path: Path,
+) -> None:
+    vertices, triangles = np.eye(3), np.array([[0, 1, 2]])
+    mesh = mesh_of(vertices, triangles)
+    vertices[0], triangles[0] = 9.0, 0
+    assert np.array_equal(mesh.corners[0], np.eye(3))
+    for name in ("vertices", "triangles"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(mesh, name)[0, 0] = 1
+    path = cube(tmp_path / "cube.obj")
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write("\nf 1 2 2\n")
+    assert len(load_mesh(path).triangles) == 12
+
+
 def test_a_mesh_that_is_not_solid_is_logged_as_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -196,18 +187,6 @@ def test_a_mesh_that_is_not_solid_is_logged_as_a_warning(
     assert "ring.stl is not solid: the volume that it encloses is not convex;" in logged["ring"]
 
 
-@pytest.mark.parametrize("nothing", [None, 5, b"box.stl"])
-def test_refuses_anything_but_a_path(nothing: Any) -> None:
-    with pytest.raises(SceneError, match="a mesh is read from a path"):
-        load_mesh(nothing)
-
-
-@pytest.mark.parametrize("scale", [(0.0, 1.0, 1.0), (1.0, 1.0), (np.nan, 1.0, 1.0), 0.0, "half"])
-def test_refuses_an_invalid_scale(path: Path, scale: Any) -> None:
-    with pytest.raises(SceneError, match="scale"):
-        load_mesh(path, scale)
-
-
 def test_a_message_names_the_file_that_is_not_a_mesh(tmp_path: Path) -> None:
     path = tmp_path / "words.obj"
     path.write_text("only words", encoding="utf-8")
@@ -215,3 +194,17 @@ def test_a_message_names_the_file_that_is_not_a_mesh(tmp_path: Path) -> None:
         load_mesh(path)
     with pytest.raises(SceneError, match="cannot read the mesh"):
         load_mesh(tmp_path / "none.stl")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *((nothing,) for nothing in (None, 5, b"box.stl")),
+        *(("cube", bad) for bad in ((0.0, 1.0, 1.0), (1.0, 1.0), (np.nan, 1.0, 1.0), 0.0, "half")),
+    ],
+    ids=str,
+)
+def test_refuses_paths_and_scales_of_another_class(path: Path, arguments: tuple[Any, ...]) -> None:
+    file, *scale = arguments
+    with pytest.raises(SceneError, match="scale" if scale else "a mesh is read from a path"):
+        load_mesh(path if file == "cube" else file, *scale)

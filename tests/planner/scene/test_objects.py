@@ -13,6 +13,7 @@ from planner.errors import SceneError
 from planner.scene.objects import COLOURS, URDF_FOLDER
 from tests.conftest import at
 
+ORIGIN = at(0.0, 0.0, 0.0)
 ROUNDING_M = 1e-12
 BLOCK_EDGE_M = 0.05
 TABLE_TOP_Z_M = -0.155
@@ -34,15 +35,9 @@ def test_the_table_has_top_column_and_foot(table: Body) -> None:
         Box((0.042, 0.042, 0.74)),
         Box((0.56, 0.56, 0.04)),
     ]
-
-
-def test_the_table_stands_on_the_floor_and_its_top_is_at_minus_155_mm(table: Body) -> None:
-    assert table.extent_m((0, 0, 1)) == pytest.approx((-0.93, TABLE_TOP_Z_M), abs=ROUNDING_M)
-
-
-def test_the_table_covers_what_the_original_covers(table: Body) -> None:
-    assert table.extent_m((1, 0, 0)) == pytest.approx((0.5435, 1.4565), abs=ROUNDING_M)
-    assert table.extent_m((0, 1, 0)) == pytest.approx((-0.4565, 0.4565), abs=ROUNDING_M)
+    extents = [(0.5435, 1.4565), (-0.4565, 0.4565), (-0.93, TABLE_TOP_Z_M)]
+    for axis, extent in zip(np.eye(3), extents, strict=True):
+        assert table.extent_m(axis) == pytest.approx(extent, abs=ROUNDING_M)
 
 
 def test_the_block_of_the_scene_stands_on_the_table(table: Body, block: Body) -> None:
@@ -59,12 +54,9 @@ def test_visual_and_collision_shapes_are_the_same() -> None:
         assert shapes["visual"] == shapes["collision"], path.name
 
 
-def test_an_object_is_named_by_its_kind_by_default() -> None:
+def test_an_object_is_named_by_its_kind_and_fixed_by_default() -> None:
     assert load_object("block", at(0.0, 0.0, 0.0)).name == "block"
     assert load_object("block", at(0.0, 0.0, 0.0), name="brick").name == "brick"
-
-
-def test_an_object_is_fixed_by_default() -> None:
     assert not load_object("block", at(0.0, 0.0, 0.0)).is_movable
     assert load_object("block", at(0.0, 0.0, 0.0), is_movable=True).is_movable
 
@@ -77,55 +69,52 @@ def test_a_message_on_an_unknown_kind_names_those_available(kind: Any) -> None:
         load_object(kind, at(0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("name", ["", 5, ["a"]])
-def test_an_object_refuses_an_invalid_name(name: Any) -> None:
-    with pytest.raises(SceneError, match="name"):
-        load_object("block", at(0.0, 0.0, 0.0), name=name)
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        *(({"name": bad}, SceneError) for bad in ("", 5, ["a"])),
+        *(
+            ({"T_base_body": bad}, PoseError)
+            for bad in (None, "here", np.eye(3), np.full((4, 4), np.nan))
+        ),
+    ],
+    ids=str,
+)
+def test_objects_and_blocks_refuse_invalid_names_and_poses(
+    arguments: dict[str, Any], error: type[Exception]
+) -> None:
+    name, T = arguments.get("name", "block"), arguments.get("T_base_body", at(0.0, 0.0, 0.0))
+    with pytest.raises(error):
+        load_object("block", T, name=name)
+    with pytest.raises(error):
+        make_block(name, T)
 
 
-@pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
-def test_an_object_refuses_an_invalid_pose(pose: Any) -> None:
-    with pytest.raises(PoseError):
-        load_object("block", pose)
+def test_a_block_is_a_movable_grey_cube_of_5_cm_about_its_centre() -> None:
+    block = make_block("b", at(0.7, 0.1, 0.0))
+    assert block.parts[0].shape == Box((0.05, 0.05, 0.05))
+    assert block.centre_base == pytest.approx([0.7, 0.1, 0.0], abs=ROUNDING_M)
+    assert block.is_movable
+    assert block.parts[0].rgba == COLOURS["grey"]
 
 
-class TestBlocks:
-    """Blocks of any size and colour."""
+def test_a_block_may_have_three_edges_and_a_colour() -> None:
+    block = make_block("b", ORIGIN, edge_m=(0.02, 0.03, 0.04), colour=(0.1, 0.2, 0.3, 0.4))
+    assert block.parts[0].shape == Box((0.02, 0.03, 0.04))
+    assert block.parts[0].rgba == (0.1, 0.2, 0.3, 0.4)
+    for colour, rgba in COLOURS.items():
+        for coloured in (make_block(colour, ORIGIN), make_block("b", ORIGIN, colour=colour)):
+            assert coloured.parts[0].rgba == rgba
 
-    def test_a_block_is_a_movable_cube_of_5_cm_about_its_centre(self) -> None:
-        block = make_block("b", at(0.7, 0.1, 0.0))
-        assert block.parts[0].shape == Box((0.05, 0.05, 0.05))
-        assert block.centre_base == pytest.approx([0.7, 0.1, 0.0], abs=ROUNDING_M)
-        assert block.is_movable
 
-    def test_a_block_may_have_three_edges(self) -> None:
-        block = make_block("b", at(0.0, 0.0, 0.0), edge_m=(0.02, 0.03, 0.04))
-        assert block.parts[0].shape == Box((0.02, 0.03, 0.04))
-
-    @pytest.mark.parametrize("colour", sorted(COLOURS))
-    def test_a_block_named_after_a_colour_has_it(self, colour: str) -> None:
-        named = make_block(colour, at(0.0, 0.0, 0.0))
-        asked = make_block("b", at(0.0, 0.0, 0.0), colour=colour)
-        assert named.parts[0].rgba == asked.parts[0].rgba == COLOURS[colour]
-
-    def test_a_block_of_another_name_is_grey(self) -> None:
-        assert make_block("b", at(0.0, 0.0, 0.0)).parts[0].rgba == COLOURS["grey"]
-
-    def test_a_colour_may_be_given_in_numbers(self) -> None:
-        block = make_block("b", at(0.0, 0.0, 0.0), colour=(0.1, 0.2, 0.3, 0.4))
-        assert block.parts[0].rgba == (0.1, 0.2, 0.3, 0.4)
-
-    @pytest.mark.parametrize("edge_m", [0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0])
-    def test_refuses_an_invalid_edge(self, edge_m: Any) -> None:
-        with pytest.raises(SceneError, match="edge"):
-            make_block("b", at(0.0, 0.0, 0.0), edge_m=edge_m)
-
-    @pytest.mark.parametrize("colour", ["pink", "", 5, (1.0, 0.0, 0.0), (2.0, 0, 0, 1), [None] * 4])
-    def test_refuses_an_invalid_colour(self, colour: Any) -> None:
-        with pytest.raises(SceneError, match="colour"):
-            make_block("b", at(0.0, 0.0, 0.0), colour=colour)
-
-    @pytest.mark.parametrize("name", ["", None, 5, ["red"]])
-    def test_refuses_an_invalid_name(self, name: Any) -> None:
-        with pytest.raises(SceneError, match="name"):
-            make_block(name, at(0.0, 0.0, 0.0))
+@pytest.mark.parametrize(
+    "options",
+    [
+        *({"edge_m": bad} for bad in (0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0)),
+        *({"colour": bad} for bad in ("pink", "", 5, (1.0, 0.0), (2.0, 0, 0, 1), [None] * 4)),
+    ],
+    ids=str,
+)
+def test_a_block_refuses_invalid_edges_and_colours(options: dict[str, Any]) -> None:
+    with pytest.raises(SceneError, match=r"edge|colour"):
+        make_block("b", ORIGIN, **options)

@@ -26,6 +26,7 @@ from planner.scene.support import MAX_TILT_RAD, Landing, settle
 from tests.conftest import at
 
 REST_M = 1e-6
+FLAT = Box((0.8, 0.8, 0.02))
 STEP_M = 1e-3
 """Distance between points of an underside."""
 
@@ -189,7 +190,7 @@ def test_a_block_is_carried_where_points_of_its_underside_meet_the_mesh(name: st
     sheets = PLACES[name]()
     below, triangles = placed(name, mesh(sheets)), np.concatenate(sheets)
     compared = 0
-    for _ in range(60):
+    for _ in range(30):
         size = tuple(rng.uniform(0.02, 0.08, 3).tolist())
         x, y = rng.uniform(-0.1, 0.1, 2)
         body = block(x, y, 0.3, size, float(rng.uniform(-3.0, 3.0)))
@@ -210,7 +211,7 @@ def test_a_block_is_carried_where_points_of_its_underside_meet_the_mesh(name: st
             assert bottom_m == pytest.approx(narrow.height_m, abs=REST_M)
             assert landing.overhang is not None
         compared += 1
-    assert compared >= 20
+    assert compared >= 8
 
 
 def corners_below(landing: Landing, edge_m: float) -> FloatArray:
@@ -293,24 +294,21 @@ def test_a_block_lies_as_a_table_that_is_off_level_by_less_than_a_degree(
 @pytest.mark.parametrize("shape", [Box((0.05, 0.05, 0.05)), Cylinder(0.02, 0.06)])
 def test_nothing_stands_on_a_steeper_table_and_the_slope_is_reported(shape: Shape) -> None:
     T = pin.SE3(pin.exp3(np.array([0.0, math.radians(1.2), 0.0])), np.zeros(3))
-    table = placed("table", Box((0.8, 0.8, 0.02)), T)
+    table = placed("table", FLAT, T)
     landing = settle(placed("body", shape, at(0.0, 0.0, 0.1)), [table])
     assert landing.overhang is not None
     assert math.degrees(landing.slope_rad) == pytest.approx(1.2, abs=1e-6)
-
-
-def test_a_body_beyond_an_edge_is_on_no_slope() -> None:
-    landing = settle(
-        block(0.41, 0.0, 0.1, (0.05, 0.05, 0.05), 0.0), [placed("table", Box((0.8, 0.8, 0.02)))]
-    )
-    assert landing.overhang is not None
-    assert landing.slope_rad == 0.0
+    beyond = settle(placed("body", shape, at(0.41, 0.0, 0.1)), [placed("table", FLAT)])
+    assert beyond.overhang is not None
+    assert beyond.slope_rad == 0.0
+    fallen = settle(block(0.0, 0.0, -2.0, (0.05, 0.05, 0.05), 0.0), [])
+    assert fallen.body.centre_base[2] == pytest.approx(FLOOR_Z_M + 0.025, abs=REST_M)
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.03), Cylinder(0.02, 0.06)])
 def test_round_bodies_stand_on_a_table_that_is_off_level_by_half_a_degree(shape: Shape) -> None:
     T = pin.SE3(pin.exp3(np.array([math.radians(0.3), math.radians(0.4), 0.0])), np.zeros(3))
-    table = placed("table", Box((0.8, 0.8, 0.02)), T)
+    table = placed("table", FLAT, T)
     lying = pin.SE3(pin.rpy.rpyToMatrix(math.pi / 2, 0.0, 0.3), np.array([0.1, 0.0, 0.1]))
     for where in (at(0.1, 0.0, 0.1), lying):
         landing = settle(placed("body", shape, where), [table])
@@ -355,8 +353,3 @@ def test_on_uneven_ground_a_block_touches_around_its_centre_and_is_nowhere_insid
     points = under @ T.rotation.T + T.translation
     gaps = points[:, 2] - heights(ground.corners, points[:, :2], 1.0)
     assert gaps.min() > -2 * REST_M
-
-
-def test_a_body_below_the_floor_rises_to_it() -> None:
-    landing = settle(block(0.0, 0.0, -2.0, (0.05, 0.05, 0.05), 0.0), [])
-    assert landing.body.centre_base[2] == pytest.approx(FLOOR_Z_M + 0.025, abs=REST_M)

@@ -116,6 +116,11 @@ def certificate(plan: Plan) -> Certificate:
     return verify(plan)
 
 
+@pytest.fixture(scope="session")
+def tracked_certificate(tracked_plan: Plan) -> Certificate:
+    return verify(tracked_plan)
+
+
 def with_bodies(plan: Plan, change: Callable[[Scene], Scene]) -> Plan:
     state = evolve(plan.start, scene=change(plan.start.scene))
     return evolve(plan, start=state)

@@ -12,13 +12,12 @@ import pytest
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.fields import evolve
+from baxter_kin.frames import raised
 from planner import (
     Body,
     Box,
     Certificate,
     Claim,
-    Grip,
-    GripperAction,
     Manipulator,
     Move,
     Part,
@@ -39,7 +38,6 @@ from planner.errors import TaskError
 from planner.plan import Step
 from planner.scene.contact import Contact
 from tests.conftest import at
-from tests.planner.conftest import without_statements
 from tests.planner.verification.conftest import (
     BLOCK,
     DOWN,
@@ -104,24 +102,22 @@ def slowed(trajectory: Trajectory, times: float) -> Trajectory:
     return Trajectory(trajectory.limits, trajectory.knots_s * times, trajectory.q, *rates)
 
 
-@pytest.mark.parametrize("times", [1e3, 1e6, 1e9])
-def test_a_slow_plan_costs_no_more_rows_than_a_fast_one(plan: Plan, times: float) -> None:
-    slow = with_moves(plan, {move.label: slowed(move.trajectory, times) for move in plan.moves})
-    before, after = verify(plan), verify(slow)
-    assert after.is_valid, after.verdict
-    assert after.rows < 1.5 * before.rows
+def test_a_slow_plan_costs_no_more_rows_than_a_fast_one(
+    plan: Plan, certificate: Certificate
+) -> None:
+    slow = with_moves(plan, {move.label: slowed(move.trajectory, 1e6) for move in plan.moves})
+    found = verify(slow)
+    assert found.is_valid, found.verdict
+    assert found.rows < 1.5 * certificate.rows
 
 
-def test_a_plan_without_steps_is_valid(manipulator: Manipulator, world: Scene) -> None:
-    plan = Plan(State.of(manipulator, world), (), limb="left")
-    found = verify(plan)
+def test_a_plan_that_moves_nothing_is_valid(manipulator: Manipulator, world: Scene) -> None:
+    start = State.of(manipulator, world)
+    stay = Move("stay", Trajectory.stay(manipulator.arm.neutral, manipulator.limits))
+    assert verify(Plan(start, (stay,))).is_valid
+    found = verify(Plan(start, (), limb="left"))
     assert found.is_valid, found.verdict
     assert found.verdict.startswith("valid: left arm, a plan without steps, all ")
-
-
-def test_a_move_that_stays_is_valid(manipulator: Manipulator, world: Scene) -> None:
-    stay = Move("stay", Trajectory.stay(manipulator.arm.neutral, manipulator.limits))
-    assert verify(Plan(State.of(manipulator, world), (stay,))).is_valid
 
 
 def test_a_plan_of_one_arm_while_the_other_hand_holds_something_is_valid(
@@ -193,14 +189,7 @@ def opened(**by: float) -> Change:
         (moved("block", 0.675, 0.135, -0.155), "pick: close: .*inside block"),
         (moved("block", 0.775, 0.125, -0.155), "do not meet block"),
         (moved("block", 0.675, 0.125, -0.14), "would fall farther"),
-        (moved("table", 1.0, 0.0, -0.88), "table"),
         (lambda p: with_bodies(p, lambda scene: scene.without("block")), "no movable body 'block'"),
-        (
-            instead(Part(Box((0.05, 0.07, 0.05)), at(0.025, 0.025, 0.025))),
-            "pick: close: .*inside block",
-        ),
-        (boxed((0.02, 0.02, 0.02), 0.75, 0.0, 0.071), "box"),
-        (boxed((0.2, 0.2, 0.0005), 0.70, 0.15, 0.02), "box"),
         (boxed((0.02, 0.02, 0.02), 0.482, 0.271, 0.345), "box"),
         (opened(l=1.01, r=1.01), "outside their stroke"),
         (opened(r=0.96), "not equally open"),
@@ -217,9 +206,8 @@ BAR = Part(Box((0.02, 0.05, 0.02)), at(0.0, 0.0, 0.07))
 ON_TABLE = at(0.70, 0.15, TABLE_M)
 
 
-def post(x: float, y: float, *, is_movable: bool = False) -> Change:
-    body = standing_box("post", (0.010, 0.008, 0.05), x, y, TABLE_M)
-    return with_body(evolve(body, is_movable=is_movable))
+def post(x: float, y: float) -> Change:
+    return with_body(standing_box("post", (0.010, 0.008, 0.05), x, y, TABLE_M))
 
 
 def pushed_into_a_neighbour(plan: Plan) -> Plan:
@@ -231,10 +219,8 @@ def pushed_into_a_neighbour(plan: Plan) -> Plan:
     ("change", "reason"),
     [
         (post(0.715, 0.1726), "pick: close: .*post"),
-        (post(0.715, 0.1726, is_movable=True), "pick: close: .*post"),
         (post(0.765, 0.0226), "place: open: .*post"),
         (pushed_into_a_neighbour, "pick: close: .*beside"),
-        (instead(Part(Box((0.02, 0.02, 0.16)), at(0, 0, 0.08)), T=ON_TABLE), "block"),
         (instead(STEM, BAR, T=ON_TABLE), "block"),
     ],
 )
@@ -308,11 +294,6 @@ def without(label: str) -> Change:
     return lambda p: evolve(p, steps=tuple(step for step in p if step.label != label))
 
 
-def opening_first(opening_m: float) -> Change:
-    first = Grip("wide", GripperAction.OPEN, None, opening_m)
-    return lambda plan: evolve(plan, steps=(first, *plan.steps))
-
-
 TURN = pin.SE3(pin.exp3(np.array([0.0, 0.0, 4e-6])), np.zeros(3))
 
 
@@ -329,11 +310,7 @@ TURN = pin.SE3(pin.exp3(np.array([0.0, 0.0, 4e-6])), np.zeros(3))
         (asking("pick: descend", TURN), "tip ends elsewhere", "tip orientation"),
         (stepping("pick: descend", T_base_tip=None), "no pose of the tip", ""),
         (stepping("pick: descend", is_straight=True), "pick: descend: .*line", ""),
-        (without("pick: close"), "the hand holds nothing", ""),
         (without("place: open"), "place: descend: block and table", ""),
-        (stepping("place: open", opening_m=0.001), "do not open so", ""),
-        (stepping("place: open", body=None), "the hand holds block", ""),
-        (opening_first(0.03), "do not open so", ""),
     ],
 )
 def test_a_plan_that_was_changed_is_refused(
@@ -426,18 +403,6 @@ def test_the_callers_limits_count(plan: Plan, manipulator: Manipulator) -> None:
 # Contacts in turn
 
 
-def up_and_down(
-    plan: Plan, label: str, manipulator: Manipulator
-) -> tuple[Trajectory, Trajectory, pin.SE3]:
-    """From rest where a descent ends, 5 cm straight up; down again; and the pose at the bottom."""
-    low = move_of(plan, label).T_base_tip
-    assert low is not None
-    high = pin.SE3(low.rotation, low.translation + np.array([0.0, 0.0, 0.05]))
-    q = move_of(plan, label).trajectory.q_goal
-    up = plan_straight_move(manipulator.arm, q, high, manipulator.limits)
-    return up, up.reversed(), low
-
-
 BESIDE_A_FINGER = moved("block", 0.675, 0.12887, -0.155)
 """The block so far aside that a finger presses it by 0.04 mm on its way straight down."""
 
@@ -448,17 +413,12 @@ def test_a_finger_may_touch_the_block_right_before_it_closes(plan: Plan) -> None
 
 
 def test_a_finger_may_not_touch_the_block_earlier(plan: Plan, manipulator: Manipulator) -> None:
-    up, down, low = up_and_down(plan, "pick: descend", manipulator)
+    q, high = move_of(plan, "pick: descend").trajectory.q_goal, raised(PICK, 0.05)
+    up = plan_straight_move(manipulator.arm, q, high, manipulator.limits)
+    again = Move("second try", up.reversed(), PICK, is_straight=True)
     steps = list(plan)
-    steps[3:3] = [Move("up again", up), Move("second try", down, low, is_straight=True)]
+    steps[3:3] = [Move("up again", up), again]
     refused(BESIDE_A_FINGER(evolve(plan, steps=tuple(steps))), "pick: descend: .*block")
-
-
-def test_a_block_set_down_on_the_way_is_refused(plan: Plan, manipulator: Manipulator) -> None:
-    up, down, low = up_and_down(plan, "place: descend", manipulator)
-    steps = list(plan)
-    steps[7:7] = [Move("lift", up), Move("set down again", down, low)]
-    refused(evolve(plan, steps=tuple(steps)), "place: descend: block and table")
 
 
 def test_a_block_dragged_along_the_table_is_refused(plan: Plan, manipulator: Manipulator) -> None:
@@ -480,7 +440,6 @@ def stated(plan: Plan, label: str, proven_m: float, margin_m: float = 0.0) -> Pl
 
 
 def test_a_stated_proof_is_compared_with_what_is_certified(cube_plan: Plan) -> None:
-    assert verify(stated(cube_plan, "pick: approach", 0.001)).is_valid
     found = verify(stated(cube_plan, "pick: approach", 5.0))
     assert failed(found) == {"stated proofs beyond what is certified"}
     assert "5000.000 mm stated" in found.verdict
@@ -563,7 +522,10 @@ def another_contact(rng: np.random.Generator, step: Step) -> dict[str, object]:
     return {"contacts": (*contacts[:number], changed, *contacts[number + 1 :])}
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed",
+    [*range(6), *(pytest.param(seed, marks=pytest.mark.campaign) for seed in range(6, 40))],
+)
 @pytest.mark.parametrize("otherwise", [another_state, another_contact])
 def test_any_other_statement_is_refused(
     tracked_plan: Plan,
@@ -605,7 +567,5 @@ def test_wrong_arguments_are_refused(plan: Plan, world: Scene, manipulator: Mani
             verify(given, **arguments)
 
 
-def test_a_plan_of_statements_is_certified(tracked_plan: Plan) -> None:
-    found = verify(tracked_plan)
-    assert found.is_valid, found.verdict
-    assert verify(without_statements(tracked_plan)).is_valid
+def test_a_plan_of_statements_is_certified(tracked_certificate: Certificate) -> None:
+    assert tracked_certificate.is_valid, tracked_certificate.verdict

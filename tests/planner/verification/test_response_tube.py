@@ -40,7 +40,7 @@ def test_no_arm_leaves_it(move: Trajectory, response: Response) -> None:
     rng, step_s = np.random.default_rng(7), 1e-3
     start = move.q_start - 0.01, move.q_start + 0.01
     tube = tube_of(move, response, start)
-    count = 200
+    count = 60
     y = rng.uniform(*start, (count, 7))
     least, most = response.lag_s.T
     fixed = rng.uniform(least, most, (count, 7))

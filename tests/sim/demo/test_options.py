@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.command_line import parse
-from baxter_kin.limits import PRESETS
+from baxter_kin.kinematics.limits import PRESETS
 from planner import PickAndPlace
-from planner.atlas.questions.placing.task import TableTransfer
+from planner.atlas.questions.table_task import TableTransfer
 from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
 from sim import Transfer, simulation
 from sim.demo import options as demo_options

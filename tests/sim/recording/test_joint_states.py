@@ -17,7 +17,7 @@ from baxter_kin import Arm, Baxter
 from sim import Recorder, Recording, play_back, plot_recording, read_recording
 from sim.errors import RecordingError
 from sim.recording import NotedRecording
-from sim.recording.joint_states import MAX_LATENESS_S, MAX_SPEED_RAD_S, SPEED_FACTOR
+from sim.recording.joint_states import MAX_LATENESS_S, SPEED_FACTOR
 from sim.view.replay import write_replay
 from tests.sim.recording.bags import (
     ARMS,
@@ -342,7 +342,9 @@ class TestContinuity:
     ) -> None:
         path, arm = tmp_path_factory.getbasetemp() / "jump.csv", robot.arm("left")
         name = arm.joint_names[joint]
-        farthest = SPEED_FACTOR * MAX_SPEED_RAD_S[name[5]] * (pause_s + MAX_LATENESS_S)
+        farthest = (
+            SPEED_FACTOR * {"s": 2.0, "e": 2.0, "w": 4.0}[name[5]] * (pause_s + MAX_LATENESS_S)
+        )
         q, times = np.tile(arm.neutral, (200, 1)), 0.01 * np.arange(200)
         times[row:] += pause_s - 0.01
         middle = 0.5 * (arm.limits.q_min + arm.limits.q_max)[joint]

@@ -17,8 +17,8 @@ from sim import Replay
 from sim.errors import RecordingError
 from sim.recording.recording import Recording
 from sim.view.clearance import NO_MOTION
-from sim.view.encoding import encoded
 from sim.view.replay import replay_content, write_replay
+from sim.view.webpage import encoded
 from tests.baxter_kin.description.test_hands import BALL
 from tests.conftest import at, overhead
 from tests.sim.conftest import Watched, watched_page

@@ -7,8 +7,7 @@ import pytest
 from baxter_kin import Baxter
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from sim.view.appearance import Appearance
-from sim.view.encoding import packed
-from sim.view.meshcat_commands import TUBE_STEP_M
+from sim.view.meshcat_commands import TUBE_STEP_M, packed
 from sim.view.scenegraph import (
     FLOOR_RADII_M,
     RobotTree,

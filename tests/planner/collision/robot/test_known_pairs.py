@@ -9,19 +9,12 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
-from planner import Hand, RobotBody, RobotShapes
+from planner import RobotBody, RobotShapes
 from planner.collision.robot.known_pairs import Comparison, other_side
 from tests.served_urdf import served_urdf
 
 NEAREST = ("left_upper_elbow", "left_upper_forearm")
 """Two joints apart: e1 and w0."""
-
-
-T_HAND_CUBE = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.025]))
-
-
-def fingered(robot: Baxter) -> list[str]:
-    return [side for side in robot.arms if Hand.is_on(robot, side)]
 
 
 def calibrated(*joints: str, seed: int = 1, limit_change: float = 0.0) -> Baxter:

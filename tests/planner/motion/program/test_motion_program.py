@@ -50,14 +50,6 @@ AT_SPEED = (Phase(5, 0, enters=True), Phase(4, 1, leaves=True))
 TO_GOAL = (Phase(4), Phase(5, rests=True, at_goal=True))
 
 POSITION_M, ROTATION_RAD = TOLERANCE = (2e-5, 5e-5)
-LINE_M, TILT_RAD = 0.1, 0.3
-
-
-def task_of(arm: Arm, q: FloatArray) -> MotionTask:
-    T = arm.T_base_tip(q)
-    tilted = pin.SE3(pin.exp3(np.array([TILT_RAD, 0.0, 0.0])) @ T.rotation, T.translation + LINE_M)
-    lines = StraightLine(T, raised(T, LINE_M)), StraightLine(T, tilted)
-    return MotionTask(q, lines, TOLERANCE, (0.1,))
 
 
 @pytest.fixture
@@ -79,7 +71,7 @@ def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     ],
 )
 def test_derivatives_are_those_that_casadi_finds_by_itself(
-    arm: Arm, make: Callable[..., Rows], phases: tuple[Phase, ...]
+    make: Callable[..., Rows], phases: tuple[Phase, ...]
 ) -> None:
     rng = np.random.default_rng(1)
     unknowns, numbers = Unknowns.of(phases, 7), Numbers(phases, 7)
@@ -136,8 +128,14 @@ def test_a_slower_arm_makes_the_same_motion_more_slowly(
     assert slow.duration <= 1.01 * usual.duration / ratio.min()
 
 
-def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: FloatArray) -> None:
+def test_a_rise_is_on_its_line_at_all_knots_and_keeps_and_reaches_limits(
+    left: Arm, q_grasp: FloatArray
+) -> None:
     found = straight(left, q_grasp, 0.15, 20)
+    assert 0.99 < max(found.peak_ratios()) <= 1.0 + 1e-12
+    low, high = found.position_extrema()
+    assert (low >= left.limits.q_min).all()
+    assert (high <= left.limits.q_max).all()
     T_start, T_goal = left.T_base_tip(q_grasp), left.T_base_tip(found.q_goal)
     np.testing.assert_allclose(T_goal.translation - T_start.translation, [0, 0, 0.15], atol=1e-8)
     for q in found.q:
@@ -146,14 +144,6 @@ def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: FloatArray) -> 
         assert off <= POSITION_M * (1.0 + 1e-6)
         turned = np.abs(pin.log3(T_start.rotation.T @ T.rotation)).max()
         assert turned <= ROTATION_RAD * (1.0 + 1e-6)
-
-
-def test_limits_are_kept_and_reached(left: Arm, q_grasp: FloatArray) -> None:
-    found = straight(left, q_grasp, 0.15, 20)
-    assert 0.99 < max(found.peak_ratios()) <= 1.0 + 1e-12
-    low, high = found.position_extrema()
-    assert (low >= left.limits.q_min).all()
-    assert (high <= left.limits.q_max).all()
 
 
 def test_the_same_task_has_the_same_motion(left: Arm, q_grasp: FloatArray) -> None:
@@ -225,33 +215,22 @@ def test_what_is_found_keeps_nearly_all_of_the_margin_where_it_is_bounded(
 ) -> None:
     found = around(program)
     assert least_distance(AROUND_DISC, BENT.q) < 0.0
-    assert found
+    assert len(found) > 1
+    durations = [motion.duration for motion in found]
+    assert durations[0] == pytest.approx(min(durations), rel=0.01)
     for motion in found:
+        np.testing.assert_allclose(
+            [motion.q_start, motion.q_goal], [ARM_LEFT, ARM_RIGHT], atol=1e-9
+        )
+        assert max(motion.peak_ratios()) <= 1.0 + 1e-9
         middles_s = (np.arange(INTERVALS) + 0.5) / INTERVALS * motion.duration
         qs = motion.sample(middles_s).q
         assert least_distance(AROUND_DISC, qs) > MARGIN_M - MARGIN_TOLERANCE_M - 1e-9
 
 
-def test_motions_go_from_start_to_goal_within_the_limits(program: MotionProgram) -> None:
-    for motion in around(program):
-        np.testing.assert_allclose(
-            [motion.q_start, motion.q_goal], [ARM_LEFT, ARM_RIGHT], atol=1e-9
-        )
-        assert max(motion.peak_ratios()) <= 1.0 + 1e-9
-
-
 def test_motions_that_are_fast_enough_end_the_search(program: MotionProgram) -> None:
-    every = around(program)
     (first,) = around(program, enough_s=np.inf)
-    assert len(every) > 1
-    assert first.q.tolist() == every[-1].q.tolist()
-
-
-def test_the_last_found_comes_first_and_hardly_differs_from_the_one_before(
-    program: MotionProgram,
-) -> None:
-    durations = [motion.duration for motion in around(program)]
-    assert durations[0] == pytest.approx(min(durations), rel=0.01)
+    assert first.q.tolist() == around(program)[-1].q.tolist()
 
 
 def test_a_clear_way_is_left_as_it_is_and_asked_for_twice() -> None:
@@ -260,15 +239,10 @@ def test_a_clear_way_is_left_as_it_is_and_asked_for_twice() -> None:
     assert len(script.trusts_rad) == 2
 
 
-def test_a_program_without_solution_is_given_up() -> None:
+def test_a_program_without_solution_is_trusted_less_and_given_up() -> None:
     script = Script(None)
     assert not script.found(AROUND_DISC)
     assert len(script.trusts_rad) == MAX_FAILURES + 1
-
-
-def test_after_a_failure_bounds_are_trusted_less() -> None:
-    script = Script(None, STRAIGHT)
-    script.found(BESIDE)
     assert script.trusts_rad[:2] == [TRUST_RAD, TRUST_DECAY * TRUST_RAD]
 
 

@@ -140,22 +140,14 @@ def evaluated(found: SparseSum, entries: ca.DM, shape: tuple[int, int], **option
     return ca.Function("matrix", [symbols], [matrix])(entries)
 
 
-@given(seeds)
-def test_entries_at_one_place_are_added_up_with_their_weights(seed: int) -> None:
-    found, dense, entries = added(seed, (4, 3))
-    np.testing.assert_allclose(evaluated(found, entries, (4, 3)).full(), dense, atol=SUM_ROUNDING)
-
-
-@given(seeds)
-def test_what_lies_outside_of_the_shape_is_left_out(seed: int) -> None:
-    found, dense, entries = added(seed, (3, 3), beyond=2)
-    np.testing.assert_allclose(evaluated(found, entries, (3, 3)).full(), dense, atol=SUM_ROUNDING)
-
-
-@given(seeds)
-def test_of_an_upper_triangle_nothing_is_below_the_diagonal(seed: int) -> None:
-    found, dense, entries = added(seed, (4, 4))
-    upper = evaluated(found, entries, (4, 4), is_upper=True)
+@given(seeds, st.sampled_from([((4, 3), 0), ((3, 3), 2)]))
+def test_entries_at_one_place_are_added_up_with_their_weights_and_others_left_out(
+    seed: int, size: tuple[tuple[int, int], int]
+) -> None:
+    shape, beyond = size
+    found, dense, entries = added(seed, shape, beyond)
+    np.testing.assert_allclose(evaluated(found, entries, shape).full(), dense, atol=SUM_ROUNDING)
+    upper = evaluated(found, entries, shape, is_upper=True)
     np.testing.assert_allclose(upper.full(), np.triu(dense), atol=SUM_ROUNDING)
     assert upper.sparsity().is_triu()
 

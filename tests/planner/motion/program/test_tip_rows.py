@@ -181,11 +181,3 @@ def test_the_height_is_that_in_base(placed: Arm, seed: int) -> None:
     found = float(above().value(q, height_m, geometry_numbers(placed)))
     z_m = placed.T_base_tip(q).translation[2]
     assert found == pytest.approx(z_m - height_m, abs=NODE_ROUNDING)
-
-
-def test_nothing_is_left_of_the_error_on_the_line(placed: Arm) -> None:
-    q = placed.neutral
-    T = placed.T_base_tip(q)
-    line = StraightLine(pin.SE3(T.rotation, T.translation - [0.0, 0.0, 0.1]), T)
-    e = np.array(on_line().value([*q, 1.0], line_numbers(line, placed), geometry_numbers(placed)))
-    np.testing.assert_allclose(e, 0.0, atol=NODE_ROUNDING)

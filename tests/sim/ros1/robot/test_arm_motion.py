@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hn
 
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.limits import JointLimits
+from baxter_kin.kinematics.limits import JointLimits
 from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
 from sim.ros1.robot.arm_motion import (

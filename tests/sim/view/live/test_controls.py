@@ -72,14 +72,14 @@ def page(viewer: Viewer) -> Iterator[Page]:
         yield page
 
 
-def test_a_page_that_cannot_change_anything_is_told_so(robot: Baxter) -> None:
+def test_a_page_knows_when_it_cannot_control_the_program(robot: Baxter) -> None:
     with Viewer(robot, keeps_time=False) as viewer, page_of(viewer) as page:
         page.ask("pause", True)
         Simulation(World(robot), [viewer]).wait(1.0)
         assert page.told["clock"] is None
 
 
-def test_every_page_is_told_of_a_pause(viewer: Viewer, page: Page) -> None:
+def test_every_page_shows_a_pause(viewer: Viewer, page: Page) -> None:
     with page_of(viewer) as other:
         page.ask("pause", True)
         for each in (page, other):
@@ -115,7 +115,7 @@ def test_a_pause_ends_when_no_page_is_open(viewer: Viewer, robot: Baxter) -> Non
     assert not viewer._pacing.is_paused
 
 
-def test_a_speed_is_taken_and_all_else_is_ignored(
+def test_a_valid_speed_is_accepted_and_everything_else_ignored(
     page: Page, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert page.told["clock"] == AS_IT_BEGINS
@@ -147,7 +147,9 @@ def test_no_message_breaks_anything(message: str | bytes) -> None:
     assert 0.1 <= pacing.speed <= 4.0
 
 
-def test_a_page_that_sends_megabytes_is_left_and_others_stay(viewer: Viewer, page: Page) -> None:
+def test_a_page_that_sends_megabytes_is_disconnected_and_others_stay(
+    viewer: Viewer, page: Page
+) -> None:
     with page_of(viewer) as loud:
         loud.send("x" * 2_000_000)
         loud.wait_until(lambda page: page.is_closed)

@@ -90,17 +90,13 @@ def test_bodies_come_and_go(viewer: Viewer, page: Page, robot: Baxter, by_others
     page.wait_until(lambda page: page.deleted.count("/bodies/red") == 2)  # before it came, too
 
 
-def test_bodies_that_nobody_told_of_are_no_trouble(
-    viewer: Viewer, robot: Baxter, block: Body
-) -> None:
+def test_bodies_without_events_are_ignored(viewer: Viewer, robot: Baxter, block: Body) -> None:
     viewer.on_snapshot(snapshot(robot, 0, {"ghost": at(0.0, 0.0, 0.0)}))
     viewer.on_event(Event(0.0, EventKind.DELETED, "block deleted", body=block))
     viewer.on_event(Event(0.0, EventKind.DELETED, "nothing deleted"))
 
 
-def test_tells_what_the_gripper_holds(
-    viewer: Viewer, page: Page, robot: Baxter, block: Body
-) -> None:
+def test_the_held_body_is_shown(viewer: Viewer, page: Page, robot: Baxter, block: Body) -> None:
     viewer.on_event(Event(0.0, EventKind.SPAWNED, "block spawned", body=block))
     viewer.on_event(Event(0.0, EventKind.GRASPED, "block grasped", "left", body=block))
     viewer.on_snapshot(snapshot(robot, 0))
@@ -151,7 +147,7 @@ def test_time_that_starts_again_is_another_simulation(viewer: Viewer, robot: Bax
     assert len(viewer._run.recording().times_s) == 50
 
 
-def test_a_recording_told_again_is_shown(viewer: Viewer, page: Page, recording: Recording) -> None:
+def test_a_replayed_recording_is_shown(viewer: Viewer, page: Page, recording: Recording) -> None:
     play_back(recording, viewer)
     page.wait_until(lambda page: "/bodies/table/0" in page.drawn)
     assert set(viewer._run.recording().bodies) >= {"table"}
@@ -191,7 +187,7 @@ def test_when_it_closes_the_page_gets_what_it_showed(robot: Baxter) -> None:
     assert sum(command["type"] == "set_object" for command in content["commands"]) > 30  # the robot
 
 
-def test_the_last_caption_is_what_came_of_it(robot: Baxter) -> None:
+def test_the_note_at_closing_is_the_last_caption(robot: Baxter) -> None:
     viewer = Viewer(robot, keeps_time=False)
     with page_of(viewer) as page:
         viewer.on_snapshot(snapshot(robot, 0))
@@ -209,7 +205,9 @@ def test_the_last_caption_is_what_came_of_it(robot: Baxter) -> None:
         (KeyboardInterrupt(), "stopped"),
     ],
 )
-def test_an_error_that_ends_it_is_told(robot: Baxter, error: BaseException, told: str) -> None:
+def test_an_error_that_ends_the_program_is_shown(
+    robot: Baxter, error: BaseException, told: str
+) -> None:
     with ExitStack() as pages:
 
         def fail() -> Page:
@@ -269,7 +267,7 @@ def _press_ctrl_c() -> None:
     _thread.interrupt_main()
 
 
-def test_joints_waypoints_and_clearance_are_told_beside_the_picture(
+def test_joints_waypoints_and_clearance_are_sent_with_the_picture(
     robot: Baxter, manipulator: Manipulator, table: Body
 ) -> None:
     world = World(robot)

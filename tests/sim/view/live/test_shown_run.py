@@ -126,7 +126,7 @@ def test_the_clearance_is_that_of_the_recording(
     assert len(list(page.all_of("clearance"))) <= 10 * shown.duration_s + len(shown.moves) + 2
 
 
-def test_bodies_that_no_event_reported_are_no_trouble(shown: Recording, robot: Baxter) -> None:
+def test_bodies_without_events_do_not_stop_the_clearance(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
     play_back(evolve(shown, events=shown.events[1:]), page)
     page.on_start(State(Scene({}), {}))
@@ -135,7 +135,7 @@ def test_bodies_that_no_event_reported_are_no_trouble(shown: Recording, robot: B
     assert page.last("clearance") is not None
 
 
-def test_what_no_move_explains_is_shown_by_differences(shown: Recording, robot: Baxter) -> None:
+def test_motion_without_a_move_is_shown_by_differences(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
     play_back(evolve(shown, moves=(), events=()), page)
     motion = shown.motion("left")

@@ -72,7 +72,7 @@ def test_it_begins_at_the_tip_and_turns_about_the_fixed_axes_of_base(
     assert target.T_base_target.rotation[:, 0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
 
 
-def test_out_of_reach_the_arm_stays_the_axes_are_red_and_the_reason_is_told(
+def test_out_of_reach_the_arm_stays_the_axes_are_red_and_the_caption_has_the_reason(
     viewer: WatchedViewer, robot: Baxter
 ) -> None:
     target = TipTarget(viewer, robot, "left")

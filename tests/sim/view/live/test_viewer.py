@@ -16,8 +16,8 @@ from playwright.sync_api import Browser
 from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
-from sim.view.gripper_status import GripperMood, GripperPhase
 from sim.view.live.viewer import Viewer
+from sim.view.panel import GripperMood, GripperPhase
 from tests.conftest import at
 from tests.sim.conftest import (
     BLOCK_AT_END,
@@ -112,7 +112,7 @@ def test_shows_caption_seed_and_gripper_as_text(
     wait_for(watched, "element('right-gripper').textContent === 'right gripper: missed'")
 
 
-def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
+def test_draws_the_path_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
     held = {"left": GripperPhase("holding block", GripperMood.HOLDING)}
     for angle in np.linspace(0.0, 0.8, 60):
         viewer.show(robot.configuration({"left_s0": angle}), {}, grippers=held)
@@ -158,7 +158,7 @@ def test_page_says_that_the_program_has_ended(robot: Baxter, watched: Watched) -
     wait_for(watched, "document.getElementById('status').textContent.includes('has ended')")
 
 
-def test_page_asks_nobody_else_and_says_nothing_on_the_console(
+def test_page_makes_no_other_requests_and_logs_nothing(
     shown: tuple[Viewer, Watched],
 ) -> None:
     viewer, watched = shown

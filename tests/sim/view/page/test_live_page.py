@@ -16,14 +16,14 @@ from playwright.sync_api import Browser
 from baxter_kin import Arm, Baxter
 from planner import Body
 from sim.recording.recording import Recording
-from sim.view.encoding import Command, encoded
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
 from sim.view.live.server import LiveServer
-from sim.view.meshcat_commands import delete
+from sim.view.meshcat_commands import Command, delete
 from sim.view.overlays import nearest_command
 from sim.view.replay import replay_content
 from sim.view.scenegraph import body_commands
+from sim.view.webpage import encoded
 from tests.sim.conftest import DEADLINE_S, SIZE, Watched, watched_page
 from tests.sim.view.page.test_accessibility import violations
 
@@ -201,7 +201,7 @@ def test_the_nearest_two_are_shown(program: Program, watched: Watched) -> None:
     assert watched.page.text_content("#nearest-chip") == ""
 
 
-def test_waypoints_are_told_and_lead_nowhere(program: Program, watched: Watched) -> None:
+def test_waypoints_are_listed_without_links(program: Program, watched: Watched) -> None:
     program.be_at(32.0)
     assert watched.page.locator("#waypoints tr").count() == 2
     assert watched.page.locator("#waypoints button").count() == 0
@@ -218,7 +218,7 @@ def test_time_that_begins_again_empties_the_plots(program: Program, watched: Wat
     assert watched.run("telemetry.from") == 0
 
 
-def test_a_clearance_that_is_not_measured_says_why(program: Program, watched: Watched) -> None:
+def test_the_reason_is_shown_when_there_is_no_clearance(program: Program, watched: Watched) -> None:
     program.tell(clearance=None, unmeasured="body")
     shows(watched, "pair", "Not measured: the robot lacks links")
     assert watched.page.is_visible("#pair")
@@ -324,7 +324,7 @@ def test_the_page_becomes_a_replay_and_wakes_up_when_the_program_runs_again(
         again.close()
 
 
-def test_when_the_program_is_killed_the_page_says_so_and_keeps_the_scene(browser: Browser) -> None:
+def test_when_the_program_is_killed_the_page_shows_it_and_keeps_the_scene(browser: Browser) -> None:
     command = [sys.executable, "-c", SERVE_UNTIL_KILLED]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,

@@ -29,7 +29,7 @@ def go_to(story: Watched, time_s: float) -> None:
     story.run("time => replay.jump(time)", time_s)
 
 
-def test_the_joints_are_told_in_numbers_at_the_time_shown(
+def test_the_joints_are_shown_in_numbers_at_the_chosen_time(
     story: Watched, left: Arm, robot: Baxter, executed: Recording
 ) -> None:
     time_s = 0.4 * executed.duration_s
