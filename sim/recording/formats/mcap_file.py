@@ -55,7 +55,7 @@ from planner.scene.bodies import Attachment
 from sim.errors import RecordingError
 from sim.events import Detail, Event, EventKind
 from sim.files import Output, opened
-from sim.recording.joint_states import (
+from sim.recording.formats.joint_states import (
     NANOSECONDS,
     READ,
     JointMessages,
