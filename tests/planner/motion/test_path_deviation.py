@@ -16,7 +16,7 @@ HAND = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.06, 0.06) for z i
 BAR = np.array([[x, y, z] for x in (-3.0, 0.2) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
 """A body that reaches 3 m beyond the tip: farther than the arm itself."""
 
-PLACES = 40
+PLACES = 60
 
 NUMERICS_M = 1e-9
 """Tolerance for rounding."""
