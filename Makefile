@@ -9,7 +9,7 @@ ARGS ?=
 AS_ROOT = $(if $(filter 0,$(shell id -u)),--allow-root) # JupyterLab refuses root without it
 unexport PYTHONDONTWRITEBYTECODE # some images set it; then each process compiles what it imports
 
-.PHONY: demo notebooks docs test test-all check clean
+.PHONY: demo notebooks docs test test-all quick check clean
 
 demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
@@ -27,6 +27,10 @@ test: $(VENV)/.test
 test-all: $(VENV)/.test # with the campaigns, which take hours
 	$(BIN)/python -m pytest -n auto -m "" $(ARGS)
 
+quick: check $(VENV)/.test # while you work: what is checked, and the laws, with few examples each
+	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" \
+	  --hypothesis-profile=quick tests/baxter_kin tests/planner $(ARGS)
+
 check: $(VENV)/.check
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -38,7 +42,7 @@ clean:
 
 SET_UP := $(addprefix $(VENV)/.,demo notebooks docs check test)
 
-$(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py $(wildcard scripts/setting_up/*.py)
+$(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py
 	@$(PYTHON) -c "import sys; sys.version_info < (3, 7) and sys.exit('set-up: Python %d.%d is too old; baxter-kin needs 3.10 or later; call: make PYTHON=python3.12' % sys.version_info[:2])"
 	@$(PYTHON) scripts/set_up.py $* --venv $(VENV)
 	@touch $@ $(VENV)/.demo

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from baxter_kin.ik import SeedType as SeedType
     from baxter_kin.ik import Tolerance as Tolerance
     from baxter_kin.kinematics.arm import Arm as Arm
-    from baxter_kin.limits import JointLimits as JointLimits
-    from baxter_kin.model import Baxter as Baxter
+    from baxter_kin.kinematics.limits import JointLimits as JointLimits
+    from baxter_kin.kinematics.robot import Baxter as Baxter
 
     __version__: str
 
@@ -36,14 +36,14 @@ __all__, _load = lazy(
     __name__,
     {
         "Arm": "baxter_kin.kinematics.arm",
-        "Baxter": "baxter_kin.model",
+        "Baxter": "baxter_kin.kinematics.robot",
         "BaxterError": "baxter_kin.errors",
         "ElectricGripper": "baxter_kin.description",
         "Frame": "baxter_kin.frames",
         "IKFailure": "baxter_kin.ik",
         "IKResult": "baxter_kin.ik",
         "IKService": "baxter_kin.ik",
-        "JointLimits": "baxter_kin.limits",
+        "JointLimits": "baxter_kin.kinematics.limits",
         "NamedFrame": "baxter_kin.frames",
         "SeedMode": "baxter_kin.ik",
         "SeedType": "baxter_kin.ik",

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib.util
 import logging
 import math
 import os
@@ -30,9 +31,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from baxter_kin.display import millimetres_hint, name_hint, nearest_name
 from baxter_kin.errors import BaxterError, ConfigurationError, DescriptionError, FileError
 from baxter_kin.files import Destination
-from baxter_kin.hints import millimetres_hint, name_hint, nearest_name
 
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
@@ -542,6 +543,42 @@ def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
         # end by the signal instead of with the status, although it was handled.
         os._exit(status)
     sys.exit(status)
+
+
+SHOWN_EVERY_S = 0.1, 60.0
+"""Interval of progress on a terminal, and elsewhere, as in the log of a batch system."""
+
+
+@contextmanager
+def progress(
+    title: str, total: int, unit: str, *, is_quiet: bool = False
+) -> Iterator[Callable[[int], object]]:
+    """Show on stderr how much is done and the remaining time, by tqdm if it is installed.
+
+    Gives a function of the number of units that were done since its last call.
+
+    Args:
+        title: what is done.
+        total: number of all units.
+        unit: such as "block".
+        is_quiet: whether to show nothing.
+    """
+    if is_quiet or importlib.util.find_spec("tqdm") is None:
+        yield lambda _: None
+        return
+    from tqdm import tqdm  # noqa: PLC0415 - only when shown
+
+    every_s = SHOWN_EVERY_S[not sys.stderr.isatty()]
+    with tqdm(
+        desc=title,
+        total=total,
+        unit=f" {unit}s",
+        delay=every_s,
+        mininterval=every_s,
+        leave=False,
+        file=sys.stderr,
+    ) as bar:
+        yield bar.update
 
 
 @contextmanager

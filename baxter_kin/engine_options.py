@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from baxter_kin.command_line import option, whole_number
-from baxter_kin.parallel.engine import MAX_WORKERS, Engine, LocalPool
+from baxter_kin.parallel.engine import MAX_WORKERS, Engine, LocalPool, Serial
 
 _workers = whole_number(1, MAX_WORKERS)
 
@@ -17,7 +17,8 @@ class EngineOptions:
     """Where work is done; at most one of the three is given.
 
     Attributes:
-        jobs: number of worker processes on this machine; None for one for each core.
+        jobs: number of worker processes on this machine, 1 to work in this process; None for one
+            for each core.
         scheduler: address of a Dask cluster.
         local_cluster: number of workers of a Dask cluster to be started here.
     """
@@ -27,7 +28,7 @@ class EngineOptions:
         type=_workers,
         metavar="N",
         exclusive="engine",
-        help="worker processes on this machine (default: one for each core)",
+        help="worker processes on this machine; 1 works in this one (default: one for each core)",
     )
     scheduler: str | None = option(
         "--scheduler",
@@ -54,7 +55,7 @@ class EngineOptions:
 def engine_of(options: EngineOptions) -> Iterator[Engine]:
     """The engine that the options choose; what it started ends with the block."""
     if options.scheduler is None and options.local_cluster is None:
-        yield LocalPool(options.jobs)
+        yield Serial() if options.jobs == 1 else LocalPool(options.jobs)
         return
     from baxter_kin.parallel.dask_cluster import DaskCluster  # noqa: PLC0415 - only on demand
 

@@ -22,8 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from baxter_kin.display import MAX_NAME, quoted, shown_path
-from baxter_kin.hints import name_hint
+from baxter_kin.display import MAX_NAME, name_hint, quoted, shown_path
 
 
 class BaxterError(Exception):

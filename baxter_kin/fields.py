@@ -47,10 +47,9 @@ from baxter_kin.validation import (
     FloatArray,
     Test,
     expect_all,
+    finite_array,
     finite_scalar,
-    float_array,
     is_nan,
-    read_only,
     type_name,
     type_test,
     whole_scalar,
@@ -254,40 +253,13 @@ def _check_type(
 def _to_array(
     given: Any, name: str, error: type[BaxterError], *, shape: tuple[int | None, ...], what: str
 ) -> FloatArray:
-    subject = what or name
-    made = float_array(given, subject, error)
-    is_alike = len(shape) == made.ndim and all(
-        length in (None, actual) for length, actual in zip(shape, made.shape, strict=True)
-    )
-    if not is_alike:
-        lengths = ", ".join("n" if length is None else str(length) for length in shape)
-        comma = "," if len(shape) == 1 else ""
-        raise error(f"{subject} has shape {made.shape}; it must have shape ({lengths}{comma})")
-    return read_only(made, subject, error)
+    return finite_array(given, shape, what or name, error)
 
 
 def _to_scalar(
-    given: Any,
-    name: str,
-    error: type[BaxterError],
-    *,
-    above: float | None,
-    least: float | None,
-    most: float | None,
-    what: str,
+    given: Any, name: str, error: type[BaxterError], *, what: str, **bounds: float | None
 ) -> float:
-    subject = what or name
-    number = finite_scalar(given, subject, error)
-    if above is not None and number <= above:
-        bound = "zero" if above == 0.0 else f"{above:g}"
-        raise error(f"{subject} must be above {bound}, got {number:g}")
-    if least is not None and number < least:
-        if least == 0.0:
-            raise error(f"{subject} must not be negative, got {number:g}")
-        raise error(f"{subject} must be at least {least:g}, got {number:g}")
-    if most is not None and number > most:
-        raise error(f"{subject} must be at most {most:g}, got {number:g}")
-    return number
+    return finite_scalar(given, what or name, error, **bounds)
 
 
 def _to_integer(given: Any, name: str, error: type[BaxterError], *, least: int, most: int) -> int:

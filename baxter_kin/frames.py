@@ -71,11 +71,7 @@ class Frame(str, Enum):
 
     @classmethod
     def of(cls, name: str | Frame) -> Frame:
-        """The frame of that name.
-
-        Raises:
-            UnknownNameError: when there is none.
-        """
+        """The frame of that name."""
         try:
             return cls(name)
         except ValueError:
@@ -93,9 +89,6 @@ class NamedFrame:
     Attributes:
         name: such as "map"; "base" and "world" are taken by `Frame`.
         T_base_frame: its pose; a `StampedPose` is accepted too.
-
-    Raises:
-        PoseError: when the name is empty, too long or that of a `Frame`, or the pose is invalid.
     """
 
     name: str
@@ -121,10 +114,6 @@ class StampedPose:
     Attributes:
         T_frame_tip: the pose, seen from `frame`.
         frame: a `NamedFrame`, or `base` or `world`, also as a plain string.
-
-    Raises:
-        PoseError: when the pose is invalid.
-        UnknownNameError: when a string names neither `base` nor `world`.
     """
 
     T_frame_tip: pin.SE3 = field(converter=_to_pose)
@@ -164,10 +153,6 @@ def pose_from_quaternion(
         quat_xyzw: shape (4,), x, y, z, w.
         normalise: accept any length but zero.
 
-    Raises:
-        PoseError: when a shape is wrong, a number is not finite, the quaternion is zero, or its
-            length differs from 1 by more than `UNIT_QUATERNION_TOLERANCE` without `normalise`.
-
     Warns:
         QuaternionOrderWarning: on a literal (1, 0, 0, 0).
     """
@@ -199,11 +184,7 @@ def read_with_w_first(R: FloatArray) -> FloatArray:
 
 
 def quaternion_xyzw(T: pin.SE3) -> FloatArray:
-    """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0.
-
-    Raises:
-        PoseError: when the pose is invalid, by the checks of `checked_pose`.
-    """
+    """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0."""
     R = expect(T, pin.SE3, "pose", PoseError).rotation
     quaternion = pin.Quaternion(R).normalized()
     if not np.abs(quaternion.toRotationMatrix() - R).max() <= ROTATION_TOLERANCE:

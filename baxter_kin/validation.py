@@ -38,32 +38,49 @@ MAX_RANGE = 10**8
 
 
 def finite_array(
-    values: ArrayLike, shape: tuple[int, ...], what: str, error: type[BaxterError]
+    values: ArrayLike, shape: tuple[int | None, ...], what: str, error: type[BaxterError]
 ) -> FloatArray:
     """A read-only float copy of `values`, which must be finite and of one shape.
 
     Args:
         values: anything NumPy makes an array of.
-        shape: the required shape.
+        shape: the required shape; None where an axis may have any length.
         what: the subject of the error message, such as "position_m".
         error: the class to raise.
     """
     array = float_array(values, what, error)
-    if array.shape != shape:
-        raise error(f"{what} has shape {array.shape}; it must have shape {shape}")
+    if array.shape != shape and not _fits(array.shape, shape):
+        lengths = ", ".join("n" if length is None else str(length) for length in shape)
+        comma = "," if len(shape) == 1 else ""
+        raise error(f"{what} has shape {array.shape}; it must have shape ({lengths}{comma})")
     return read_only(array, what, error)
 
 
-def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> FloatArray:
-    """A read-only float copy of finite `values`, shape (n, `width`) for any n."""
-    array = float_array(values, what, error)
-    if array.ndim != 2 or array.shape[1] != width:
-        raise error(f"{what} has shape {array.shape}; it must have shape (n, {width})")
-    return read_only(array, what, error)
+def _fits(actual: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    return len(actual) == len(shape) and all(
+        length in (None, found) for length, found in zip(shape, actual, strict=True)
+    )
 
 
-def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
-    """A finite number."""
+def finite_scalar(
+    value: object,
+    what: str,
+    error: type[BaxterError],
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> float:
+    """A finite number within bounds.
+
+    Args:
+        value: the number.
+        what: the subject of the error message.
+        error: the class to raise.
+        above: a bound that is not itself allowed.
+        least: the smallest value allowed.
+        most: the largest value allowed.
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise error(f"{what} must be a number, got {quoted(value)}")
     try:
@@ -72,15 +89,19 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
         raise error(f"{what} is too large a number") from None
     if not math.isfinite(number):
         raise error(f"{what} must be a finite number, got {number}")
+    if above is not None and number <= above:
+        raise error(f"{what} must be above {above or 'zero'}, got {number:g}")
+    if least is not None and number < least:
+        allowed = f"at least {least:g}" if least else "zero or above"
+        raise error(f"{what} must be {allowed}, got {number:g}")
+    if most is not None and number > most:
+        raise error(f"{what} must be at most {most:g}, got {number:g}")
     return number
 
 
 def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float:
     """A finite number above zero."""
-    number = finite_scalar(value, what, error)
-    if number <= 0.0:
-        raise error(f"{what} must be above zero, got {number}")
-    return number
+    return finite_scalar(value, what, error, above=0.0)
 
 
 def whole_scalar(

@@ -1,7 +1,7 @@
-"""How the documentation is built; `make docs` does it, without asking the network for anything.
+"""Configuration of Sphinx. `make docs` builds the documentation without access to the network.
 
-The pages are Markdown and notebooks, the reference comes from the docstrings, and the gallery from
-programs that are run. What Sphinx does not bring stands in `_ext/`.
+The pages are Markdown and notebooks, the reference is generated from the docstrings, and the
+gallery from programs that are run. Our own extensions of Sphinx are in `_ext/`.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ myst_enable_extensions = [
     "dollarmath",
 ]
 myst_heading_anchors = 4
-nb_execution_mode = "off"  # shown as they are stored
-nb_ipywidgets_js: dict[str, dict[str, str]] = {}  # or pages would ask two servers for scripts
+nb_execution_mode = "off"  # shown as stored
+nb_ipywidgets_js: dict[str, dict[str, str]] = {}  # otherwise pages load scripts from two servers
 html_math_renderer = "mathml"
 
 # reference

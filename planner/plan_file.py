@@ -5,8 +5,8 @@ A file is JSON, UTF-8, with five or six entries:
 - `format`: "baxter-kin plan",
 - `version`: 4; another number when the same entries get another meaning,
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
-- `plan`: the `Plan`, by the rules of `baxter_kin.json_data`: `start` (the scene, all joints, what
-  the hands hold), `steps` (each a `Move` with its trajectory's knots and limits, its tip pose,
+- `plan`: the `Plan`, by the rules of `baxter_kin.files.json_data`: `start` (the scene, all joints,
+  what the hands hold), `steps` (each a `Move` with its trajectory's knots and limits, its tip pose,
   IK result and claims, or a `Grip` with its limb; both with their contacts), `failure`, `robot`
   (which one the plan is for) and `response` (how that arm follows, and how the plan is sent to it,
   where it was made for such an arm). SI units, radians, poses seen from base,
@@ -33,8 +33,8 @@ from baxter_kin.display import shown_path
 from baxter_kin.errors import FileError
 from baxter_kin.fields import FrozenMapping, evolve
 from baxter_kin.files import PathLike, open_to_read, replace_file
-from baxter_kin.json_data import from_json, shown, to_json
-from baxter_kin.json_text import Json, as_lines, from_text
+from baxter_kin.files.json_data import from_json, shown, to_json
+from baxter_kin.files.json_text import Json, as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import expect
 from planner.errors import PlanFileError, PlannerError

@@ -18,12 +18,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from body.covering import cover
-from body.enclosing import enclosure
+from body.enclosure import enclosure
 from body.hands import hand
 from body.meshes import placed_shapes, triangles
-from body.packing import Shape, packed, primitive, shape_name
 from body.pairs import reasons
+from body.pieces import Shape, cover, packed, primitive, shape_name
 from body.thinning import Mesh, thinned
 
 from baxter_kin.description import StockFiles

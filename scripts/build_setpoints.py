@@ -21,7 +21,7 @@ from baxter_kin.files import replace_file
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import pose_features
 from baxter_kin.kinematics.arm import MIRROR
-from baxter_kin.model import Baxter
+from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.validation import FloatArray, Indices
 
 SAMPLES = 40_000

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -185,12 +186,12 @@ def jump(motion: Trajectory) -> float:
     return max(float(np.abs(x - y).max(initial=0.0)) for x, y in zip(end, after, strict=True))
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Plan and judge; the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10_000, help="how many problems (10000)")
     parser.add_argument("--seed", type=int, default=0, help="of the first problem (0)")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     found: Counter[tuple[str, str]] = Counter()
     largest_jump = 0.0
     parent: tuple[Problem, Trajectory] | None = None

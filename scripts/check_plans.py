@@ -1,9 +1,9 @@
-"""Random problems, planned, certified, and checked by other code at 1 kHz.
+"""Plan random problems, and check the plans by independent code at 1 kHz.
 
 `python scripts/check_plans.py [--count N] [--family NAME ...] [--seed N] [--json FILE]`
 
-Ten families of problems (`referee.problems`). Every plan that the planner calls valid is given
-to `planner.verify` and to an independent check (`referee.checker`): the robot's original meshes,
+Ten families of problems (`referee.problems`). Every valid plan is passed to `planner.verify` and to
+an independent check (`referee.checker`): the robot's original meshes,
 all of their triangles, kinematics from the URDF, distances by FCL, every millisecond of every move
 and every 0.05 mm of the fingers' travel. Exit status 1 when a plan is contradicted or rejected, or
 anything raised. Times are of the processor, so that other work on the machine does not count.
@@ -15,13 +15,12 @@ import argparse
 import json
 import multiprocessing
 import os
-import statistics
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from statistics import median
 from typing import Any
 
 from referee.checker import check_plan, task_faults
@@ -32,163 +31,92 @@ from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_numb
 from planner import verify
 
 SHOWN = 3
-"""Findings printed of each contradicted plan; the file has all."""
+"""Maximum number of printed findings of a plan; the file has all."""
 
-HEADER = (
-    "family",
-    "problems",
-    "valid",
-    "refused",
-    "contradicted",
-    "rejected",
-    "exceptions",
-    "refusal s (median, max)",
-    "planning s (median)",
-)
+HEADER = """
+| family | problems | valid | refused | contradicted | rejected | exceptions | refusal s (median,\
+ max) | planning s (median) |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 
+WRONG = ("contradicted", "rejected", "error")
+"""Entries of a trial that are faults: findings of the independent check, the verdict of the
+certificate, and the traceback."""
 
-@dataclass(frozen=True)
-class Trial:
-    """The result of one problem, from start to end.
-
-    Attributes:
-        family: of problems.
-        number: of the problem within its family.
-        seed: of all problems.
-        planning_s: processor time of the planner, which other processes do not change.
-        waited_s: wall time of the planner.
-        verify_s: processor time of the certificate; 0 without a plan.
-        check_s: processor time of the independent check; 0 without a plan.
-        motion_s: duration of the moves; 0 without a plan.
-        refusal: why there is no plan, or None.
-        rejected: why the certificate says no, or None.
-        findings: of the independent check.
-        error: the exception, or None.
-    """
-
-    family: str
-    number: int
-    seed: int
-    planning_s: float = 0.0
-    waited_s: float = 0.0
-    verify_s: float = 0.0
-    check_s: float = 0.0
-    motion_s: float = 0.0
-    refusal: str | None = None
-    rejected: str | None = None
-    findings: tuple[str, ...] = ()
-    error: str | None = None
-
-    @property
-    def is_valid(self) -> bool:
-        """Whether the planner made a plan."""
-        return self.refusal is None and self.planning_s > 0.0
+Trial = dict[str, Any]
+"""One problem: family, number and seed; processor times `planning_s`, `verify_s` and `check_s`;
+`motion_s`, the duration of the moves; `refusal`, why there is no plan; and entries of `WRONG`."""
 
 
 def run_trial(family: str, number: int, seed: int) -> Trial:
     """Plan, verify and check a problem; an exception is part of the result."""
-    known: dict[str, Any] = {}
+    trial: Trial = {"family": family, "number": number, "seed": seed}
+
+    def timed(name: str, call: Callable[[], Any]) -> Any:
+        began_s = time.process_time()
+        found = call()
+        trial[name] = time.process_time() - began_s
+        return found
+
     try:
         problem = make_problem(family, number, seed)
-        started = time.perf_counter()
-        plan = _timed(known, "planning_s", lambda: planned(problem))
-        known["waited_s"] = time.perf_counter() - started
+        plan = timed("planning_s", lambda: planned(problem))
         if plan.failure is not None:
-            return Trial(family, number, seed, **known, refusal=str(plan.failure))
-        known["motion_s"] = plan.motion_time_s
-        certificate = _timed(known, "verify_s", lambda: verify(plan))
+            return trial | {"refusal": str(plan.failure)}
+        trial["motion_s"] = plan.motion_time_s
+        certificate = timed("verify_s", lambda: verify(plan))
         if not certificate.is_valid:
-            known["rejected"] = certificate.verdict
-        found = _timed(known, "check_s", lambda: check_plan(plan, margin_m=problem.margin_m))
+            trial["rejected"] = certificate.verdict
+        found = timed("check_s", lambda: check_plan(plan, margin_m=problem.margin_m))
         found += task_faults(plan, problem.task, problem.q_goal)
-        return Trial(family, number, seed, **known, findings=tuple(map(str, found)))
+        return trial | ({"contradicted": list(map(str, found))} if found else {})
     except Exception:  # every exception is counted
-        return Trial(family, number, seed, **known, error=traceback.format_exc())
-
-
-def _timed(known: dict[str, Any], name: str, call: Callable[[], Any]) -> Any:
-    """The result of a call, whose processor time is recorded."""
-    started = time.process_time()
-    found = call()
-    known[name] = time.process_time() - started
-    return found
+        return trial | {"error": traceback.format_exc()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Try all problems, print the table."""
+    """Try all problems and print the table; returns the exit status."""
     options = _parser().parse_args(argv)
-    families = options.family or list(FAMILIES)
-    started = time.perf_counter()
+    families, began_s = options.family or list(FAMILIES), time.perf_counter()
     numbers = range(options.first, options.first + options.count)
-    trials = _tried([(f, n, options.seed) for f in families for n in numbers], options.jobs)
-    for trial in trials:
-        _print_faults(trial)
-    print(_table(families, trials))
-    checked = [trial for trial in trials if trial.check_s > 0.0]
-    print(
-        f"{len(trials)} problems in {time.perf_counter() - started:.0f} s on {options.jobs} "
-        f"processes; {sum(t.motion_s for t in checked):.0f} s of motion checked"
-    )
-    if options.json is not None:
-        text = json.dumps([asdict(trial) for trial in trials], indent=1)
-        options.json.write_text(text + "\n")
-    return int(any(t.findings or t.rejected or t.error for t in trials))
-
-
-def _tried(problems: list[tuple[str, int, int]], jobs: int) -> list[Trial]:
-    """All trials, in the order of the problems; each process keeps to one core."""
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
-        futures = {pool.submit(run_trial, *problem): problem for problem in problems}
-        found = {}
-        for future in tqdm(as_completed(futures), total=len(futures), unit="plan", disable=None):
-            found[futures[future]] = future.result()
-    return [found[problem] for problem in problems]
-
-
-def _print_faults(trial: Trial) -> None:
-    name = f"{trial.family} {trial.number} (seed {trial.seed})"
-    for text in trial.findings[:SHOWN]:
-        print(f"{name}: contradicted: {text}")
-    if trial.rejected is not None:
-        print(f"{name}: rejected: {trial.rejected}")
-    if trial.error is not None:
-        print(f"{name}: {trial.error}")
-
-
-def _table(families: Sequence[str], trials: Iterable[Trial]) -> str:
-    """Markdown: a row for each family, and their sum."""
-    known = list(trials)
-    rows = [_row(f, [trial for trial in known if trial.family == f]) for f in families]
-    rows.append(_row("all", known))
-    lines = [HEADER, tuple("---" if i == 0 else "---:" for i in range(len(HEADER))), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _row(name: str, trials: list[Trial]) -> tuple[str, ...]:
-    refused = [trial.planning_s for trial in trials if trial.refusal is not None]
-    valid = [trial for trial in trials if trial.is_valid]
-    counts = (
-        len(trials),
-        len(valid),
-        len(refused),
-        sum(bool(trial.findings) for trial in trials),
-        sum(trial.rejected is not None for trial in trials),
-        sum(trial.error is not None for trial in trials),
+    with ProcessPoolExecutor(options.jobs, mp_context=context) as pool:
+        tried = [pool.submit(run_trial, f, n, options.seed) for f in families for n in numbers]
+        for _ in tqdm(as_completed(tried), total=len(tried), unit="plan", disable=None):
+            pass
+    trials = [each.result() for each in tried]
+    for trial in trials:
+        name = f"{trial['family']} {trial['number']} (seed {trial['seed']})"
+        for kind in WRONG:
+            texts = trial.get(kind, [])
+            for text in texts[:SHOWN] if isinstance(texts, list) else [texts]:
+                print(f"{name}: {kind}: {text}")
+    rows = {f: [trial for trial in trials if trial["family"] == f] for f in families}
+    print(HEADER, *(_row(name, found) for name, found in {**rows, "all": trials}.items()), sep="\n")
+    print(
+        f"{len(trials)} problems in {time.perf_counter() - began_s:.0f} s on {options.jobs} "
+        f"processes; {sum(t.get('motion_s', 0.0) for t in trials):.0f} s of motion checked"
     )
-    refusal = f"{statistics.median(refused):.2f}, {max(refused):.2f}" if refused else "-"
-    planning = f"{statistics.median(t.planning_s for t in valid):.2f}" if valid else "-"
-    return (name, *map(str, counts), refusal, planning)
+    if options.json is not None:
+        options.json.write_text(json.dumps(trials, indent=1) + "\n")
+    return int(any(kind in trial for trial in trials for kind in WRONG))
+
+
+def _row(name: str, trials: list[Trial]) -> str:
+    refused = [trial["planning_s"] for trial in trials if "refusal" in trial]
+    valid = [trial["planning_s"] for trial in trials if "motion_s" in trial]
+    wrong = [sum(kind in trial for trial in trials) for kind in WRONG]
+    refusal = f"{median(refused):.2f}, {max(refused):.2f}" if refused else "-"
+    planning = f"{median(valid):.2f}" if valid else "-"
+    cells = name, len(trials), len(valid), len(refused), *wrong, refusal, planning
+    return f"| {' | '.join(map(str, cells))} |"
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneSentenceParser(description="Plans against an independent check at 1 kHz.")
     some, any_number = whole_number(1), whole_number(0)
     parser.add_argument("--count", type=some, default=50, help="of each family (default 50)")
-    parser.add_argument(
-        "--first", type=any_number, default=0, help="number of the first (default 0)"
-    )
+    parser.add_argument("--first", type=any_number, default=0, help="number of the first")
     parser.add_argument("--seed", type=any_number, default=0, help="of all problems (default 0)")
     parser.add_argument(
         "--family", action="append", choices=list(FAMILIES), help="repeatable (default: all)"

@@ -2,7 +2,7 @@
 
 `python scripts/measure_ros1.py [--duration-s T] [--only PART ...]`
 
-The parts `commands`, `interface` and `md5` need no ROS; `node`, `baxter` and `executor` are read by
+The parts `interface` and `md5` need no ROS; `node`, `baxter` and `executor` are read by
 Debian's rospy, as `make test` installs it. All runs on this computer, at masters of its own; a
 computer that does other things meanwhile gives worse figures. Exit status 1 when a row fails.
 """
@@ -41,14 +41,11 @@ from sim.ros1.definitions import MESSAGES, SERVICES, message_type, service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
 from sim.simulation import Dwell
-from tests.sim.ros1.debian import generate_classes
+from tests.sim.ros1.debian import PYTHON, environment, generate_classes
 
 LIMBS = ("left", "right")
 CORE = "baxter_core_msgs"
 LOOPBACK = "127.0.0.1"
-PYTHON = "/usr/bin/python3"
-"""Debian's, which has rospy."""
-
 TICK_S = 0.01
 WITHIN_S = 60.0
 URI = re.compile(r"ROS_MASTER_URI=(http://\S+)")
@@ -120,30 +117,6 @@ def robot_process(*options: str) -> Iterator[tuple[str, int]]:
     finally:
         process.terminate()
         process.wait(WITHIN_S)
-
-
-# Commands
-
-
-COMMANDS = {
-    "robot": "own-master host follow lag-s side-effects table block tucked uncalibrated view "
-    "record",
-    "press": "",
-    "check": "limb urdf identify output yes",
-    "execute": "speed lead-s yes dry-run record timeout-s lag-s response despite-lag csv",
-    "mirror": "urdf headless no-browser port record duration-s",
-}
-
-
-def commands(_: float) -> Iterator[Row]:
-    """Each command and its options."""
-    for name, options in COMMANDS.items():
-        command = [sys.executable, "-m", f"sim.ros1.{name}", "--help"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        missing = [each for each in options.split() if f"--{each}" not in done.stdout]
-        measured = f"status {done.returncode}, missing: {', '.join(missing) or 'none'}"
-        is_met = done.returncode == 0 and not missing
-        yield Row(f"python -m sim.ros1.{name}", f"options {options or 'none'}", measured, is_met)
 
 
 # Interface
@@ -260,44 +233,51 @@ def _gazebo(node: Node) -> Iterator[Row]:
     yield Row(topic, "latched", measured, len(came) == 1, kind, "R->C")
 
 
-IOS = tuple(
-    f"{limb}_{name}"
-    for name in ("lower_cuff", "lower_button", "upper_button", "inner_light", "outer_light")
-    for limb in LIMBS
-)
-PUBLISHED: tuple[tuple[tuple[str, ...], str, str, Callable[[Any], object]], ...] = (
-    (
-        ("joint_states",),
+FILLED_IN = {
+    "limb": LIMBS,
+    "io": tuple(
+        f"{limb}_{name}"
+        for name in ("lower_cuff", "lower_button", "upper_button", "inner_light", "outer_light")
+        for limb in LIMBS
+    ),
+    "navigator": tuple(f"{place}{limb}" for place in ("", "torso_") for limb in LIMBS),
+}
+
+
+def topics_of(pattern: str) -> list[str]:
+    """The topics that a name with a placeholder stands for."""
+    place = pattern.partition("{")[2].partition("}")[0]
+    return [f"/robot/{pattern.format(**{place: each})}" for each in FILLED_IN.get(place, ("",))]
+
+
+Published = tuple[str, str, Callable[[Any], object]]
+PUBLISHED: dict[str, Published] = {
+    "joint_states": (
         "sensor_msgs/JointState",
         "arrays as long as name",
         lambda m: len(m.name) == len(m.position) == len(m.velocity) == len(m.effort) >= 14,
     ),
-    (
-        ("ref_joint_states",),
+    "ref_joint_states": (
         "sensor_msgs/JointState",
         "14 set-points",
         lambda m: len(m.name) == len(m.position) == 14,
     ),
-    (
-        tuple(f"limb/{limb}/endpoint_state" for limb in LIMBS),
+    "limb/{limb}/endpoint_state": (
         f"{CORE}/EndpointState",
         "pose, twist, wrench; in base",
         lambda m: m.header.frame_id == "base" and m.pose.position.x != 0.0,
     ),
-    (
-        ("state",),
+    "state": (
         f"{CORE}/AssemblyState",
         "disabled at first",
         lambda m: not (m.enabled or m.stopped or m.error or m.estop_button or m.estop_source),
     ),
-    (
-        tuple(f"end_effector/{limb}_gripper/state" for limb in LIMBS),
+    "end_effector/{limb}_gripper/state": (
         f"{CORE}/EndEffectorState",
         "id 131073, calibrated, ready",
         lambda m: (m.id, m.calibrated, m.ready, m.error) == (131073, 1, 1, 0),
     ),
-    (
-        tuple(f"end_effector/{limb}_gripper/properties" for limb in LIMBS),
+    "end_effector/{limb}_gripper/properties": (
         f"{CORE}/EndEffectorProperties",
         "ui_type 2, id 65538, firmware after 2014/5/20",
         lambda m: (
@@ -306,25 +286,23 @@ PUBLISHED: tuple[tuple[tuple[str, ...], str, str, Callable[[Any], object]], ...]
             and m.product
         ),
     ),
-    (
-        tuple(f"digital_io/{name}/state" for name in IOS),
+    "digital_io/{io}/state": (
         f"{CORE}/DigitalIOState",
         "off; inputs marked",
         lambda m: m.state == 0,
     ),
-    (
-        tuple(f"navigators/{p}{limb}_navigator/state" for p in ("", "torso_") for limb in LIMBS),
+    "navigators/{navigator}_navigator/state": (
         f"{CORE}/NavigatorState",
         "3 buttons, lights named",
         lambda m: len(m.buttons) == len(m.button_names) == 3 and len(m.light_names) == 2,
     ),
-    (("head/head_state",), f"{CORE}/HeadState", "at rest", lambda m: not m.isTurning),
-)
+    "head/head_state": (f"{CORE}/HeadState", "at rest", lambda m: not m.isTurning),
+}
 
 
 def _published(client: Client, duration_s: float) -> Iterator[Row]:
-    for names, kind, fields, is_valid in PUBLISHED:
-        topics = [f"/robot/{name}" for name in names]
+    for pattern, (kind, fields, is_valid) in PUBLISHED.items():
+        topics = topics_of(pattern)
         rates = client.rates_hz(topics, duration_s)
         is_met = all(99.5 <= rate <= 100.5 for rate in rates)
         is_met &= all(client.kinds.get(topic) == kind for topic in topics)
@@ -358,11 +336,11 @@ NOT_OFFERED = {
 
 def _subscribed(client: Client) -> Iterator[Row]:
     for name, kind in SUBSCRIBED.items():
-        topics = dict.fromkeys(f"/robot/{name.format(limb=limb)}" for limb in LIMBS)
+        topics = topics_of(name)
         found = [client.node.subscribers_of(topic) for topic in topics]
         is_met = all(found) and all(client.kinds.get(topic) == kind for topic in topics)
         readers = ", ".join(sorted({node for nodes in found for node in nodes})) or "nobody"
-        yield Row(next(iter(topics)), "subscribed", f"by {readers}", is_met, kind, "C->R")
+        yield Row(topics[0], "subscribed", f"by {readers}", is_met, kind, "C->R")
     for name, (kind, direction) in NOT_OFFERED.items():
         topic = f"/robot/{name}"
         found = [*client.node.subscribers_of(topic), *client.node.publishers_of(topic)]
@@ -544,11 +522,9 @@ rospy.signal_shutdown("done")
 
     def __init__(self, master_uri: str, topics: Mapping[str, str], classes: Path) -> None:
         """Start it and wait until it is connected to all topics, given with their types."""
-        kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS")}
-        ros = {"ROS_MASTER_URI": master_uri, "ROS_IP": LOOPBACK, "PYTHONPATH": str(classes)}
         self._process = subprocess.Popen(
             [PYTHON, "-c", self.SCRIPT, *(f"{topic}={name}" for topic, name in topics.items())],
-            env=kept | ros,
+            env=environment(master_uri, classes),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -960,7 +936,6 @@ def _paused(stage: _Stage) -> Row:
 
 
 PARTS: dict[str, Callable[[float], Iterator[Row]]] = {
-    "commands": commands,
     "interface": interface,
     "md5": sums,
     "node": node_alone,

@@ -22,12 +22,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
-from notebook_runs.judging import faults
-from notebook_runs.kernel import executed
-from notebook_runs.notebooks import NAMES, read, runs_here, with_solutions
-from notebook_runs.replays import write_replays
+from nbformat import NotebookNode
+from notebook_runs.notebooks import (
+    CHECKOUT,
+    NAMES,
+    executed,
+    faults,
+    read,
+    runs_here,
+    with_solutions,
+    write_replays,
+)
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 """How IPython colours what went wrong."""
 
@@ -46,48 +52,46 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="FOLDER",
         help="where the pages of replays go; from docs/notebooks/_replays, `make docs` takes them",
     )
-    options = parser.parse_args(argv)
+    options, wrong = parser.parse_args(argv), []
     with TemporaryDirectory() as folder:
         outside = Path(folder)
         python = options.python and options.python.absolute()
         if python is None:
-            python = environment(outside / "venv", options.wheel or build(outside))
-        able = [name for name in options.names if runs_here(name)]
-        wrong = [found for name in able for found in run(name, outside, python, options.replays)]
-    for name in set(options.names) - set(able):
-        print(f"{name:<28} needs a later Python")
+            python = environment(outside, options.wheel)
+        for name in options.names:
+            if runs_here(name):
+                wrong += run(name, read(name), outside, python, options.replays)
+            else:
+                print(f"{name:<28} needs a later Python")
     print(*wrong, sep="\n", end="\n" if wrong else "", file=sys.stderr)
     return 1 if wrong else 0
 
 
-def build(folder: Path) -> Path:
-    """The wheel of this checkout."""
-    command = [sys.executable, "-m", "build", "--quiet", "--wheel", "--outdir", str(folder)]
-    subprocess.run([*command, str(CHECKOUT)], check=True)
-    (wheel,) = folder.glob("*.whl")
-    return wheel
-
-
-def environment(venv: Path, wheel: Path) -> Path:
-    """The Python of a new environment with the wheel and its extra `notebook` alone."""
+def environment(folder: Path, wheel: Path | None) -> Path:
+    """The Python of a new environment with a wheel, or this checkout's, and its extra alone."""
+    if wheel is None:
+        build = [sys.executable, "-m", "build", "--quiet", "--wheel", "--outdir", str(folder)]
+        subprocess.run([*build, str(CHECKOUT)], check=True)
+        (wheel,) = folder.glob("*.whl")
     command = [sys.executable, str(CHECKOUT / "scripts" / "set_up.py"), "notebooks"]
-    subprocess.run(
-        [*command, "--venv", str(venv), "--wheel", str(wheel.resolve())],
-        check=True,
-        cwd=venv.parent,
-    )
-    return venv / "bin" / "python"
+    command += ["--venv", str(folder / "venv"), "--wheel", str(wheel.resolve())]
+    subprocess.run(command, check=True, cwd=folder)
+    return folder / "venv" / "bin" / "python"
 
 
 def run(
-    name: str, outside: Path, python: Path | None = None, replays: Path | None = None
+    name: str,
+    notebook: NotebookNode,
+    outside: Path,
+    python: Path | None = None,
+    replays: Path | None = None,
 ) -> list[str]:
     """What is wrong with a notebook, in sentences; it runs in a folder of its own."""
     folder = outside / name
     folder.mkdir()
     started = time.perf_counter()
     try:
-        ran = executed(with_solutions(read(name)), folder, python=python)
+        ran = executed(with_solutions(notebook), folder, python=python)
         wrong = [f"{name}: {fault}" for fault in faults(ran)]
         if replays is not None and not wrong:
             write_replays(ran, name, replays)

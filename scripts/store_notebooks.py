@@ -16,9 +16,16 @@ from tempfile import TemporaryDirectory
 
 import nbformat
 from nbformat import NotebookNode
-from notebook_runs.judging import faults
-from notebook_runs.kernel import executed
-from notebook_runs.notebooks import DIGEST, FOLDER, NAMES, code_cells, digest, read
+from notebook_runs.notebooks import (
+    DIGEST,
+    FOLDER,
+    NAMES,
+    code_cells,
+    digest,
+    executed,
+    faults,
+    read,
+)
 from notebook_runs.stills import photographer
 
 from baxter_kin.files import replace_file
@@ -34,10 +41,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in parser.parse_args(argv).names:
         notebook = with_outputs(read(name))
         complaints += [f"{name}: {fault}" for fault in (*faults(notebook), *unlucky(notebook))]
-        text = nbformat.writes(notebook) + "\n"
-        replace_file(FOLDER / f"{name}.ipynb", text.encode())
-        print(f"{name}: {len(text.encode()) / 1e3:.0f} kB", flush=True)
-        if len(text.encode()) > LARGEST_BYTES:
+        content = (nbformat.writes(notebook) + "\n").encode()
+        replace_file(FOLDER / f"{name}.ipynb", content)
+        print(f"{name}: {len(content) / 1e3:.0f} kB", flush=True)
+        if len(content) > LARGEST_BYTES:
             complaints.append(f"{name} is larger than {LARGEST_BYTES / 1e6:g} MB")
     print(*complaints, sep="\n", end="\n" if complaints else "", file=sys.stderr)
     return 1 if complaints else 0
@@ -46,12 +53,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def with_outputs(notebook: NotebookNode) -> NotebookNode:
     """The notebook as it is stored after it has run."""
     with TemporaryDirectory() as folder:
-        ran = executed(notebook, Path(folder), watching=photographer)
+        ran = executed(notebook, Path(folder), after_cell=photographer())
     ran.metadata = notebook.metadata
     ran.metadata[DIGEST] = digest(notebook)
     for number, cell in enumerate(code_cells(ran), start=1):
         cell.execution_count = number
-        cell.outputs = joined(cell.outputs)
         for output in cell.outputs:
             if "execution_count" in output:
                 output.execution_count = number
@@ -66,17 +72,6 @@ def unlucky(notebook: NotebookNode) -> Iterator[str]:
             yield f"cell {cell.id!r} should tell a success; run this again: {said.splitlines()[0]}"
         if re.search(r"the last state of|comes at .* Hz", said):
             yield f"cell {cell.id!r} came too late on this machine; run this again, with less to do"
-
-
-def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
-    """The same with text in one piece, whenever its parts arrived."""
-    whole: list[NotebookNode] = []
-    for output in outputs:
-        if whole and output.output_type == "stream" and output.name == whole[-1].get("name"):
-            whole[-1].text += output.text
-        else:
-            whole.append(output)
-    return whole
 
 
 if __name__ == "__main__":

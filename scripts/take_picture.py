@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from notebook_runs.chromium import FLAGS, chromium_on_path
+from notebook_runs.stills import FLAGS, chromium_on_path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 

@@ -1,13 +1,13 @@
-"""Certified plans with one thing changed: what the checker makes of them.
+"""Change one thing in certified plans, and check that no wrong plan remains certified.
 
     python scripts/try_mutants.py --count 10000 --seed 35
 
-A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed, at
-random. A mutant must be refused in one sentence, or be certified rightly: then the referee
-(`referee`), which shares nothing with the checker, must have nothing against it either, and a
-changed robot must reach the same poses. Afterwards files without end are tried by the command, each
-in a process of its own. Ends with status 1 when a mutant was certified wrongly, was answered by
-anything but one sentence, took longer than `MOST_S`, or took more than `MOST_BYTES` of memory.
+A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed at
+random. A mutant must be refused in one sentence, or be certified correctly: then the independent
+referee (`referee`) must accept it, too, and a changed robot must reach the same poses. Afterwards
+huge files are checked by the command, each in a separate process. The exit status is 1 when a
+mutant is certified wrongly, is refused by anything but one sentence, or takes longer than `MAX_S`
+or more memory than `MAX_BYTES`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import tempfile
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,49 +43,47 @@ from planner.certificate.errors import NotCertifiedError
 from planner.plan_file import plan_document
 from planner.verification import certificate_of
 
-MOST_S, MOST_BYTES = 10.0, 500 * 2**20
+MAX_S, MAX_BYTES = 10.0, 500 * 2**20
 
 SAME_M = 1e-5
-"""How far a changed robot may reach elsewhere, for a plan that is certified for it."""
+"""Maximum change of the tip's position of a changed robot whose plan is certified."""
 
 Data = dict[str, Any]
 
 
-def main() -> None:
-    """Try mutants; say what came of them."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Check mutants and print a summary; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=35)
     parser.add_argument("--plans", type=int, default=10, help="how many plans are changed")
-    options = parser.parse_args()
-    rng = np.random.default_rng(options.seed)
-    text = RobotDescription.of().text
+    options, outcomes, wrong, slowest_s = parser.parse_args(argv), Counter[str](), [], 0.0
+    rng, text = np.random.default_rng(options.seed), RobotDescription.of().text
     body, plans = Body(text), list(certified_plans(options.seed, options.plans))
-    outcomes: Counter[str] = Counter()
-    slowest_s, wrong = 0.0, []
     for number in tqdm(range(options.count), unit="mutant"):
         kind = list(MUTATIONS)[number % len(MUTATIONS)]
         mutant = Mutant(copy.deepcopy(plans[number % len(plans)]), text)
-        what = MUTATIONS[kind](rng, mutant)
-        started = time.process_time()
-        outcome = judged(mutant, body)
-        slowest_s = max(slowest_s, time.process_time() - started)
+        what, began_s = MUTATIONS[kind](rng, mutant), time.process_time()
+        outcome, took_s = judged(mutant, body), time.process_time() - began_s
+        slowest_s = max(slowest_s, took_s)
         outcomes[f"{kind}: {outcome.split(':')[0]}"] += 1
-        if outcome.startswith("WRONG") or time.process_time() - started > MOST_S:
+        if outcome.startswith("WRONG") or took_s > MAX_S:
             wrong.append(f"{number} {kind}, {what}: {outcome}")
     for name, count in sorted(outcomes.items()):
         print(f"{count:6} {name}")
     print(f"slowest: {slowest_s:.2f} s")
-    for name, (seconds, peak, said) in endless(plans[0], text):
-        print(f"{name:28} {seconds:5.1f} s {peak / 2**20:6.0f} MB  {said[:90]}")
-        if seconds > MOST_S or peak > MOST_BYTES or not said.startswith("not certified: "):
-            wrong.append(f"{name}: {seconds:.1f} s, {peak / 2**20:.0f} MB, {said!r}")
+    for name, content in endless_files(plans[0]):
+        seconds, peak, said = by_command(content, text)
+        line = f"{name:28} {seconds:5.1f} s {peak / 2**20:6.0f} MB  {said[:90]}"
+        print(line)
+        if seconds > MAX_S or peak > MAX_BYTES or not said.startswith("not certified: "):
+            wrong.append(line)
     print(*wrong, sep="\n")
-    sys.exit(1 if wrong else 0)
+    return 1 if wrong else 0
 
 
 def certified_plans(seed: int, count: int) -> Iterator[Data]:
-    """Documents of plans of all families, each with its certificate."""
+    """Documents of certified plans of all families."""
     families, number = list(FAMILIES), 0
     while count:
         plan = planned(make_problem(families[number % len(families)], number, seed))
@@ -96,7 +94,7 @@ def certified_plans(seed: int, count: int) -> Iterator[Data]:
 
 
 class Mutant:
-    """A plan file and a URDF, of which one thing is changed."""
+    """A plan file and a URDF, in which one thing is changed."""
 
     def __init__(self, document: Data, urdf: str) -> None:
         self.document, self.urdf = document, urdf
@@ -108,7 +106,7 @@ class Mutant:
         return json.dumps(self.document).encode() if self.content is None else self.content
 
 
-# What is changed
+# Mutations
 
 
 def _leaves(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -132,36 +130,25 @@ def _pick(rng: np.random.Generator, of: list[Any]) -> Any:
 
 
 def _changed(rng: np.random.Generator, value: float) -> float:
-    """Another number: nearly the same, of another sign, or none at all."""
-    kinds: list[Callable[[], float]] = [
-        lambda: value * (1.0 + 10.0 ** rng.uniform(-12.0, 0.0)),
-        lambda: value + 10.0 ** rng.uniform(-9.0, 1.0) * rng.choice([-1.0, 1.0]),
-        lambda: -value,
-        lambda: 0.0,
-        lambda: float(rng.choice([np.nan, np.inf, 1e308, -1e308, 5e-324, 1e5])),
-    ]
-    return float(_pick(rng, kinds)())
+    """A different number: nearly the same, of opposite sign, zero, or an extreme value."""
+    nearly = value * (1.0 + 10.0 ** rng.uniform(-12.0, 0.0))
+    off = value + 10.0 ** rng.uniform(-9.0, 1.0) * rng.choice([-1.0, 1.0])
+    odd = float(rng.choice([np.nan, np.inf, 1e308, -1e308, 5e-324, 1e5]))
+    return float(_pick(rng, [nearly, off, -value, 0.0, odd]))
 
 
 def change_number(rng: np.random.Generator, mutant: Mutant) -> str:
-    """One number of the plan, of its states or of its certificate."""
-    part = _pick(rng, ["plan", "plan", "states", "certificate"])
-    is_number = (float, int)
-    paths = [
-        p
-        for p in _leaves(mutant.document[part])
-        if isinstance(x := _holder(mutant.document[part], p)[p[-1]], is_number)
-        and not isinstance(x, bool)
-    ]
-    path = _pick(rng, paths)
-    holder = _holder(mutant.document[part], path)
-    before = holder[path[-1]]
-    holder[path[-1]] = _changed(rng, float(before))
-    return f"{part} {path}: {before} -> {holder[path[-1]]}"
+    """Change a number of the plan, of its states or of its certificate."""
+    data = mutant.document[part := _pick(rng, ["plan", "plan", "states", "certificate"])]
+    numbers = [p for p in _leaves(data) if type(_holder(data, p)[p[-1]]) in (float, int)]
+    path = _pick(rng, numbers)
+    holder, key = _holder(data, path), path[-1]
+    before, holder[key] = holder[key], _changed(rng, float(holder[key]))
+    return f"{part} {path}: {before} -> {holder[key]}"
 
 
 def change_entry(rng: np.random.Generator, mutant: Mutant) -> str:
-    """One entry is gone, twice there, or of another type."""
+    """Remove or duplicate an entry, or change its type."""
     path = _pick(rng, list(_leaves(mutant.document)))
     path = path[: int(rng.integers(1, len(path) + 1))]
     holder, key = _holder(mutant.document, path), path[-1]
@@ -177,7 +164,7 @@ def change_entry(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_byte(rng: np.random.Generator, mutant: Mutant) -> str:
-    """The file is cut off, or one byte of it is another."""
+    """Truncate the file, or change a byte."""
     content = bytearray(mutant.file)
     at = int(rng.integers(len(content)))
     if rng.random() < 0.3:
@@ -189,7 +176,7 @@ def change_byte(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_trace(rng: np.random.Generator, mutant: Mutant) -> str:
-    """A letter or a direction of the certificate."""
+    """Change a letter or a direction of the certificate."""
     certificate = mutant.document["certificate"]
     columns = [key for key in ("letters", "directions", "fine") if len(_unpacked(certificate[key]))]
     key = _pick(rng, columns)
@@ -201,7 +188,7 @@ def change_trace(rng: np.random.Generator, mutant: Mutant) -> str:
 
 
 def change_robot(rng: np.random.Generator, mutant: Mutant) -> str:
-    """A number of the URDF."""
+    """Change a number of the URDF."""
     numbers = list(re.finditer(r"(?<=[\" ])-?\d+\.?\d*(?:e-?\d+)?(?=[\" ])", mutant.urdf))
     found = _pick(rng, numbers)
     other = repr(_changed(rng, float(found[0])))
@@ -222,18 +209,18 @@ def _unpacked(text: str) -> bytes:
     return zlib.decompress(base64.b64decode(text))
 
 
-# What must come of it
+# Verdicts
 
 
 def judged(mutant: Mutant, body: Body) -> str:
-    """What the checker says; WRONG where it should have said something else."""
+    """The verdict of the checker; it starts with WRONG if it is wrong."""
     try:
         document = read_plan(mutant.file)
         stock = mutant.urdf == RobotDescription.of().text
         check(document, mutant.urdf, body=body if stock else None)
     except NotCertifiedError as reason:
         return f"refused: {reason}" if "\n" not in str(reason) else f"WRONG: {reason}"
-    except Exception as cause:  # whichever it is, it is wrong
+    except Exception as cause:  # any exception is wrong
         return f"WRONG: {type(cause).__name__}: {cause}"
     if not stock:
         try:
@@ -261,7 +248,7 @@ def _loaded(document: Data) -> Plan:
 
 
 def _moved_m(document: Any, urdf: str) -> float:
-    """How far the tip of a changed robot is elsewhere, at most, at the knots of a plan."""
+    """Maximum change of the tip's position at the knots of a plan, for a changed robot."""
     model, stock = (pin.buildModelFromXML(x) for x in (urdf, RobotDescription.of().text))
     tip, most = f"{document['plan']['limb']}_gripper", 0.0
     for step in document["plan"]["steps"]:
@@ -280,67 +267,68 @@ def _tip_m(model: pin.Model, tip: str, names: list[str], q: list[float]) -> Any:
     return data.oMf[model.getFrameId(tip)].translation
 
 
-# Files without end
-
-
-def endless(document: Data, urdf: str) -> Iterator[tuple[str, tuple[float, int, str]]]:
-    """Each by the command: how long it took, its peak of memory, and what it said."""
-    for name, content in _endless_files(document):
-        with tempfile.TemporaryDirectory() as folder:
-            plan, robot = Path(folder, "plan.json"), Path(folder, "robot.urdf")
-            plan.write_bytes(content)
-            robot.write_text(urdf, "utf-8")
-            yield name, _by_command(plan, robot)
+# Huge files
 
 
 COMMAND = """
-import sys
+import sys, time
 from planner.certificate.__main__ import main
 status = main(sys.argv[1:])
 peak = next(x for x in open("/proc/self/status") if x.startswith("VmHWM"))
-print(peak.split()[1])
+print(peak.split()[1], time.process_time())
 """
-"""The peak of memory is that of this very program, not of the one that starts it."""
+"""Prints its own peak memory, in kB, and processor time, in s, after the output of the command."""
 
 
-def _by_command(plan: Path, robot: Path) -> tuple[float, int, str]:
-    command = [sys.executable, "-c", COMMAND, str(plan), "--urdf", str(robot)]
-    started = time.perf_counter()
-    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
-    *lines, peak = said.splitlines() or ["0"]
-    return time.perf_counter() - started, int(peak) * 1024, "\n".join(lines)
+def by_command(content: bytes, urdf: str) -> tuple[float, int, str]:
+    """Check a file by the command: its processor time (s), peak memory (bytes) and output."""
+    with tempfile.TemporaryDirectory() as folder:
+        plan, robot = Path(folder, "plan.json"), Path(folder, "robot.urdf")
+        plan.write_bytes(content)
+        robot.write_text(urdf, "utf-8")
+        command = [sys.executable, "-c", COMMAND, str(plan), "--urdf", str(robot)]
+        said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    *lines, figures = said.splitlines() or ["0 0"]
+    peak, spent_s = figures.split()
+    return float(spent_s), int(peak) * 1024, "\n".join(lines)
 
 
-def _endless_files(document: Data) -> Iterator[tuple[str, bytes]]:
-    """Of each, its name and content."""
-    bomb = base64.b64encode(zlib.compress(b"\x00" * 300_000_000, 9)).decode()
+def endless_files(document: Data) -> Iterator[tuple[str, bytes]]:
+    """Descriptions and contents of huge files."""
+
+    def packed(content: bytes) -> str:
+        return base64.b64encode(zlib.compress(content, 9)).decode()
+
+    def changed(change: Callable[[Data, Data], object]) -> bytes:
+        """The file after a change of the document and the bodies of its scene."""
+        data = copy.deepcopy(document)
+        change(data, data["plan"]["start"]["scene"]["bodies"])
+        return json.dumps(data).encode()
+
+    bomb, letters = packed(b"\x00" * 300_000_000), packed(b"\x05" * 1_900_000)
     for key in ("letters", "directions", "fine"):
-        changed = copy.deepcopy(document)
-        changed["certificate"][key] = bomb
-        yield f"300 MB of {key}", json.dumps(changed).encode()
-    changed = copy.deepcopy(document)
-    letters = base64.b64encode(zlib.compress(b"\x05" * 1_900_000, 9)).decode()
-    changed["certificate"]["letters"] = letters
-    yield "time cut for ever", json.dumps(changed).encode()
+        certificate = {**document["certificate"], key: bomb}
+        yield f"300 MB of {key}", changed(lambda data, _, c=certificate: data.update(certificate=c))
+    certificate = {**document["certificate"], "letters": letters}
+    yield "time cut for ever", changed(lambda data, _: data.update(certificate=certificate))
     yield "lists in lists", b"[" * 1_000_000
     yield "a number of a million digits", b'{"format": ' + b"1" * 1_000_000 + b"}"
-    changed = copy.deepcopy(document)
-    changed["plan"]["steps"] *= 2000
-    yield "steps", json.dumps(changed).encode()[: 31 * 2**20]
-    changed = copy.deepcopy(document)
-    bodies = changed["plan"]["start"]["scene"]["bodies"]
-    for number in range(2000):
-        bodies[f"more{number}"] = next(iter(document["plan"]["start"]["scene"]["bodies"].values()))
-    yield "bodies", json.dumps(changed).encode()
+    steps = document["plan"]["steps"] * 2000
+    yield "steps", changed(lambda data, _: data["plan"].update(steps=steps))[: 31 * 2**20]
+    body = next(iter(document["plan"]["start"]["scene"]["bodies"].values()))
+    more = {f"more{number}": body for number in range(2000)}
+    yield "bodies", changed(lambda _, bodies: bodies.update(more))
+    vertices = np.random.default_rng(1).uniform(-0.1, 0.1, (1000, 3)).round(4).tolist()
     for count in (90_000, 200_000):
-        changed = copy.deepcopy(document)
-        first = next(iter(changed["plan"]["start"]["scene"]["bodies"].values()))
-        vertices = np.random.default_rng(1).uniform(-0.1, 0.1, (1000, 3)).round(4).tolist()
         corners = np.random.default_rng(2).integers(0, 1000, (count, 3)).tolist()
-        first["parts"][0]["shape"] = {"type": "Mesh", "vertices": vertices, "triangles": corners}
-        yield f"{count} triangles", json.dumps(changed).encode()
+        mesh = {"type": "Mesh", "vertices": vertices, "triangles": corners}
+        first = {**body, "parts": [{**body["parts"][0], "shape": mesh}, *body["parts"][1:]]}
+        yield (
+            f"{count} triangles",
+            changed(lambda _, bodies, b=first: bodies.update({next(iter(bodies)): b})),
+        )
     yield "40 MB", b" " * (40 * 2**20)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from sim.perception.pose_source import NoisyPoses as NoisyPoses
     from sim.perception.pose_source import PoseSource as PoseSource
     from sim.perception.pose_source import TruePoses as TruePoses
+    from sim.recording.formats.rsdk_csv import write_csv as write_csv
     from sim.recording.plot import plot_recording as plot_recording
     from sim.recording.record_file import read_recording as read_recording
     from sim.recording.record_file import save_recording as save_recording
     from sim.recording.recorder import Recorder as Recorder
     from sim.recording.recording import Recording as Recording
     from sim.recording.recording import play_back as play_back
-    from sim.recording.rsdk_csv import write_csv as write_csv
     from sim.simulation import Dwell as Dwell
     from sim.simulation import Outcome as Outcome
     from sim.simulation import Simulation as Simulation
@@ -70,7 +70,7 @@ __all__, __getattr__ = lazy(
         "plot_recording": "sim.recording.plot",
         "read_recording": "sim.recording.record_file",
         "save_recording": "sim.recording.record_file",
-        "write_csv": "sim.recording.rsdk_csv",
+        "write_csv": "sim.recording.formats.rsdk_csv",
         "write_replay": "sim.view.replay",
     },
 )

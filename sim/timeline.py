@@ -124,6 +124,7 @@ class Timeline(Clock):
 
     def finish(self) -> None:
         """Show the world as it is now, unless that was done; a run ends between two ticks."""
+        self.pass_s(0.0)  # at first, a tick is due
         if self.is_past_tick and self.time_s != self._shown_s:
             self.show()
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from nbformat import NotebookNode
 
-from tests import notebook_kernel
-from tests.notebook_kernel import FOLDER, NAMES
+from tests.notebook_kernel import FOLDER, NAMES, notebooks
 
 README = Path(__file__).parents[1] / "README.md"
 CELLS = range(8, 16)
@@ -23,99 +22,82 @@ CELLS_OF_AN_EXERCISE = 3
 
 LONGEST_CELL_LINES = 25
 LARGEST_BYTES = 1_000_000
-PICTURE = re.compile(r"plt\.show\(\)|^Replay\(|^viewer$|\.replay\(\)$", re.MULTILINE)
-"""What a cell that shows something has."""
+LEARNED_AND_NEEDED = (
+    *("You will learn", "`make notebooks`", "pip install -e '.[notebook]'"),
+    "pip install 'FILE.whl[notebook]'",
+)
+MACHINE = re.compile(
+    r"(?<![\w.:/)<])/(?:home|root|tmp|usr|opt|Users|content|work|mnt)/"
+    r"|127\.0\.0\.1:\d|localhost:\d|0x[0-9a-f]{8}|srcdoc"
+)
+"""Absolute paths, addresses, and pages: nothing of these is stored."""
 
-ABSOLUTE_PATH = re.compile(r"(?<![\w.:/)<])/(?:home|root|tmp|usr|opt|Users|content|work|mnt)/")
-ADDRESS = re.compile(r"127\.0\.0\.1:\d|localhost:\d|0x[0-9a-f]{8}")
-
-notebooks, judging = notebook_kernel.module("notebooks"), notebook_kernel.module("judging")
-each_notebook = pytest.mark.parametrize("name", NAMES)
+IMPORTING = re.compile(r"^\s*(import|from) ", re.MULTILINE)
 
 
-def code_cells(name: str) -> list[NotebookNode]:
-    cells: list[NotebookNode] = notebooks.code_cells(notebook_kernel.read(name))
-    return cells
+@pytest.fixture(params=NAMES)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def notebook(name: str) -> NotebookNode:
+    return notebooks.read(name)
 
 
 @pytest.mark.executes_a_notebook
-@each_notebook
 def test_runs_from_a_clean_kernel_and_so_do_its_solutions(name: str, tmp_path: Path) -> None:
     if not notebooks.runs_here(name):
         pytest.skip("needs a later Python")
-    solved = notebooks.with_solutions(notebook_kernel.read(name))
-    ran = notebook_kernel.module("kernel").executed(solved, tmp_path)
-    assert list(judging.faults(ran)) == []
+    ran = notebooks.executed(notebooks.with_solutions(notebooks.read(name)), tmp_path)
+    assert list(notebooks.faults(ran)) == []
 
 
-def test_every_notebook_is_tested() -> None:
+def test_every_notebook_is_tested_and_listed_in_the_readme() -> None:
     assert sorted(path.stem for path in FOLDER.glob("*.ipynb")) == sorted(NAMES)
-
-
-def test_the_readme_lists_every_notebook() -> None:
     assert re.findall(r"\(notebooks/(\w+)\.ipynb\)", README.read_text("utf-8")) == list(NAMES)
 
 
-@each_notebook
-def test_is_stored_with_the_outputs_of_its_code(name: str) -> None:
+def test_is_stored_with_the_outputs_of_its_code(notebook: NotebookNode) -> None:
     """Stored again by `scripts/store_notebooks.py`."""
-    notebook = notebook_kernel.read(name)
     assert notebook.metadata[notebooks.DIGEST] == notebooks.digest(notebook)
-    assert list(judging.faults(notebook)) == []
-    cells = code_cells(name)
+    assert list(notebooks.faults(notebook)) == []
+    assert list(importlib.import_module("store_notebooks").unlucky(notebook)) == []
+    cells = notebooks.code_cells(notebook)
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
 
 
-@each_notebook
-def test_stores_the_success_that_its_story_tells(name: str) -> None:
-    script = importlib.import_module("store_notebooks")
-    assert list(script.unlucky(notebook_kernel.read(name))) == []
-
-
-@each_notebook
 def test_is_small_enough_for_the_web(name: str) -> None:
     assert (FOLDER / f"{name}.ipynb").stat().st_size <= LARGEST_BYTES
 
 
-@each_notebook
-def test_stores_pictures_of_what_it_shows(name: str) -> None:
-    pictures = [cell for cell in code_cells(name) if PICTURE.search(cell.source)]
+def test_stores_pictures_and_no_page_no_error_and_nothing_of_the_machine(
+    notebook: NotebookNode,
+) -> None:
+    cells = notebooks.code_cells(notebook)
+    pictures = [cell for cell in cells if notebooks.SHOWS.search(cell.source)]
     assert pictures
-    assert [cell.id for cell in pictures if "image/png" not in judging.kinds(cell)] == []
-
-
-@each_notebook
-def test_stores_no_page_no_error_and_nothing_of_the_machine(name: str) -> None:
-    for cell in code_cells(name):
+    assert [cell.id for cell in pictures if "image/png" not in notebooks.kinds(cell)] == []
+    for cell in cells:
         assert cell.metadata.keys() <= {"moment"}
-        assert not judging.kinds(cell) & {"text/html", "application/javascript"}
+        assert not notebooks.kinds(cell) & {"text/html", "application/javascript"}
         for output in cell.outputs:
             assert output.output_type != "error", cell.id
             assert output.get("name") != "stderr", cell.id
-            text = output.get("text", "") + str(
-                {kind: data for kind, data in output.get("data", {}).items() if kind != "image/png"}
-            )
-            assert "srcdoc" not in text
-            assert ABSOLUTE_PATH.search(text) is None, cell.id
-            assert ADDRESS.search(text) is None, cell.id
+            data = {kind: x for kind, x in output.get("data", {}).items() if kind != "image/png"}
+            assert MACHINE.search(output.get("text", "") + str(data)) is None, cell.id
 
 
-@each_notebook
-def test_begins_by_saying_what_is_learned_and_needed(name: str) -> None:
-    first = notebook_kernel.read(name).cells[0]
+def test_begins_by_saying_what_is_learned_and_needed(notebook: NotebookNode) -> None:
+    first = notebook.cells[0]
     assert first.cell_type == "markdown"
     assert re.match(r"# \w", first.source)
-    assert "You will learn" in first.source
-    assert "`make notebooks`" in first.source
-    assert "pip install -e '.[notebook]'" in first.source
-    assert "pip install 'FILE.whl[notebook]'" in first.source
+    assert [words for words in LEARNED_AND_NEEDED if words not in first.source] == []
     assert "baxter-kin[" not in first.source  # no index has it
 
 
-@each_notebook
-def test_headings_go_down_one_level_at_a_time(name: str) -> None:
-    cells = notebook_kernel.read(name).cells
-    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+def test_headings_go_down_one_level_at_a_time(notebook: NotebookNode) -> None:
+    text = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     outside_code = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     levels = [len(marks) for marks in re.findall(r"^(#+) ", outside_code, re.MULTILINE)]
     assert levels[0] == 1
@@ -123,32 +105,21 @@ def test_headings_go_down_one_level_at_a_time(name: str) -> None:
     assert all(lower <= upper + 1 for upper, lower in pairwise(levels))
 
 
-@each_notebook
-def test_imports_in_its_first_code_cell_only(name: str) -> None:
-    first, *others = code_cells(name)
-    importing = re.compile(r"^\s*(import|from) ", re.MULTILINE)
-    assert importing.search(first.source)
-    assert [cell.id for cell in others if importing.search(cell.source)] == []
-
-
-@each_notebook
-def test_is_short(name: str) -> None:
-    cells = notebook_kernel.read(name).cells
-    assert len(cells) - EXERCISES * CELLS_OF_AN_EXERCISE in CELLS
-    lines = {cell.id: len(cell.source.splitlines()) for cell in cells}
+def test_is_short_imports_in_its_first_code_cell_and_embeds_one_replay_at_most(
+    notebook: NotebookNode,
+) -> None:
+    """A replay weighs 2.6 MB where the notebook is saved with its outputs."""
+    assert len(notebook.cells) - EXERCISES * CELLS_OF_AN_EXERCISE in CELLS
+    lines = {cell.id: len(cell.source.splitlines()) for cell in notebook.cells}
     assert {id_: count for id_, count in lines.items() if count > LONGEST_CELL_LINES} == {}
-
-
-@each_notebook
-def test_embeds_one_replay_at_most(name: str) -> None:
-    """Each weighs 2.6 MB where the notebook is saved with its outputs."""
-    source = "\n".join(cell.source for cell in code_cells(name))
+    first, *others = notebooks.code_cells(notebook)
+    assert IMPORTING.search(first.source)
+    assert [cell.id for cell in others if IMPORTING.search(cell.source)] == []
+    source = "\n".join(cell.source for cell in others)
     assert len(re.findall(r"\bReplay\(|\.replay\(", source)) <= 1
 
 
-@each_notebook
-def test_ends_with_three_exercises(name: str) -> None:
-    notebook = notebook_kernel.read(name)
+def test_ends_with_three_exercises(notebook: NotebookNode) -> None:
     exercises = list(notebooks.exercises(notebook))
     assert len(exercises) == EXERCISES
     for number, exercise in enumerate(exercises, start=1):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,13 +26,14 @@ from baxter_kin.command_line import (
     log_shown,
     option,
     part,
+    progress,
     urdf_option,
     whole_number,
 )
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.kinematics.arm import LIMBS, Arm
-from baxter_kin.model import Baxter
+from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.parallel import Engine
 
 SCENARIOS = tuple(scenario.value for scenario in Scenario)
@@ -214,7 +213,8 @@ def _rows(
     for scenario in options.scenarios:
         poses = draw_poses(arm, scenario, count=options.count, seed=options.seed)
         title = f"{arm.side}, {scenario.value}"
-        with _progress(title, len(poses) * len(contestants), options) as tick:
+        total, is_quiet = len(poses) * len(contestants), options.is_quiet
+        with progress(title, total, "pose", is_quiet=is_quiet) as tick:
             if engine is None:
                 rows += measure(contestants, poses, verifier, tick)
             else:
@@ -228,18 +228,3 @@ def _batches(
     poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
     found = [measure_batch(key, who, poses, verifier) for key, who in contestants.items()]
     return [batch for batch in found if batch is not None]
-
-
-@contextmanager
-def _progress(
-    title: str, total: int, options: BenchmarkOptions
-) -> Iterator[Callable[[int], object]]:
-    """A bar on stderr, where it is a terminal."""
-    is_terminal = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
-    if options.is_quiet or not is_terminal:
-        yield lambda _: None
-        return
-    from tqdm import tqdm  # noqa: PLC0415 - only when shown
-
-    with tqdm(total=total, desc=title, unit="pose", leave=False, file=sys.stderr) as bar:
-        yield bar.update

@@ -27,7 +27,7 @@ from baxter_kin.benchmark.poses import PoseSet, Scenario
 from baxter_kin.benchmark.solvers import ENTRANTS, BatchCall, Contestant, describe, enter
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.model import Baxter
+from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.parallel import Engine
 from baxter_kin.validation import FloatArray
 

@@ -1,13 +1,12 @@
 """C compilers: those on PATH, and the one that the Python package `ziglang` contains.
 
-A compiler can be broken in three ways: it fails, it succeeds and writes rubbish, or it hangs. A
-failure has an exit status; the caller tests the output. A hanging compiler is detected with one
-line of C, which a working one compiles in a fraction of a second.
+A compiler can be broken in three ways: it fails, it writes a library that does not work, or it
+hangs. A failure has an exit status; the caller tests the library. A hanging compiler is detected
+with one line of C, which a working one compiles in a fraction of a second.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import signal
@@ -44,23 +43,14 @@ class Compiler:
 
     Attributes:
         command: the program and its first arguments.
-        file: a file that changes with the version.
         answer_s: time limit for one line of C.
     """
 
     command: tuple[str, ...]
-    file: Path
-    answer_s: float
+    answer_s: float = ANSWER_S
 
     def __str__(self) -> str:
         return "the package ziglang" if self.command == ZIG else self.command[0]
-
-    @property
-    def version_key(self) -> str:
-        """A key of program and version, the same for all names of one program."""
-        status = self.file.stat()
-        parts = os.path.realpath(self.file), status.st_mtime_ns, status.st_size
-        return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
     def compile(self, source: str, folder: Path) -> Path:
         """Compile C to a library in a folder that belongs to this user.
@@ -80,12 +70,10 @@ class Compiler:
 
 def compilers() -> tuple[Compiler, ...]:
     """The C compilers of this machine in the order of preference; they may be broken."""
-    names = filter(None, map(shutil.which, COMPILERS))
-    on_path = [Compiler((path,), Path(path), ANSWER_S) for path in map(os.path.abspath, names)]
-    package = find_spec("ziglang")
-    if package is None or package.origin is None:
-        return tuple(on_path)
-    return (*on_path, Compiler(ZIG, Path(package.origin), TIMEOUT_S))
+    on_path = [os.path.abspath(path) for path in map(shutil.which, COMPILERS) if path]
+    programs = {os.path.realpath(path): path for path in reversed(on_path)}  # the first names
+    found = [Compiler((path,)) for path in on_path if path in programs.values()]
+    return (*found, Compiler(ZIG, TIMEOUT_S)) if find_spec("ziglang") else tuple(found)
 
 
 def run_within(
@@ -96,8 +84,7 @@ def run_within(
 ) -> None:
     """Run a program, ignore its output, and wait for it to succeed.
 
-    The program runs in a process group of its own, so that its child processes end with it, except
-    those that leave the group, as daemons do.
+    The program runs in a process group of its own, so that its child processes end with it.
 
     Args:
         within_s: time limit.
@@ -108,8 +95,7 @@ def run_within(
 
     Raises:
         OSError: when the program cannot be started.
-        subprocess.CalledProcessError: when it fails.
-        subprocess.TimeoutExpired: when it takes longer than `within_s`.
+        subprocess.SubprocessError: when it fails, or takes longer than `within_s`.
     """
     process = subprocess.Popen(
         command,

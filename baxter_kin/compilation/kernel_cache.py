@@ -1,4 +1,4 @@
-"""The folder in which compiled libraries are kept.
+"""The folders in which compiled libraries are kept.
 
 Libraries are machine code that runs with this user's rights. They are loaded only from a folder
 that belongs to this user and that nobody else may write to: `baxter-kin` in `$XDG_CACHE_HOME` or
@@ -22,21 +22,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from baxter_kin.compilation.compiler import Compiler
 from baxter_kin.errors import FileError
 
 MAX_LIBRARIES = 16
 """How many libraries are kept, the newest ones: those of both arms in four versions of model or
-toolkit. As many notes about compilers are kept."""
+toolkit."""
 
 ABANDONED_AFTER_S = 86_400.0
 """Age from which unfinished builds, left by a killed process, are removed."""
 
 BUILD = "build-"
 """Prefix of the names of folders for builds."""
-
-NAMING = "2"
-"""Version of the rule by which libraries are named; others are never looked up."""
 
 log = logging.getLogger(__name__)
 
@@ -76,16 +72,11 @@ class KernelCache:
             self._remove_oldest(library)
         return library
 
-    def note(self, compiler: Compiler) -> Path:
-        """The file that records that a compiler hangs."""
-        return self.folder / f"{compiler.version_key}.note"
-
     def _remove_oldest(self, newest: Path) -> None:
-        for pattern in "*.so", "*.note":
-            others = [path for path in self.folder.glob(pattern) if path != newest]
-            others.sort(key=lambda path: path.lstat().st_mtime_ns, reverse=True)
-            for path in others[MAX_LIBRARIES - 1 :]:
-                path.unlink()
+        others = [path for path in self.folder.glob("*.so") if path != newest]
+        others.sort(key=lambda path: path.lstat().st_mtime_ns, reverse=True)
+        for path in others[MAX_LIBRARIES - 1 :]:
+            path.unlink()
         for build in self.folder.glob(f"{BUILD}*"):
             if build.lstat().st_mtime < time.time() - ABANDONED_AFTER_S:
                 shutil.rmtree(build, ignore_errors=True)
@@ -98,15 +89,15 @@ def kernel_caches() -> Iterator[KernelCache]:
     process and is made when it is first needed.
     """
     try:
-        user = KernelCache(_own(user_folder()), is_lasting=True)
+        user = KernelCache(_private(user_folder()), is_lasting=True)
     except FileError as cause:
         reason = str(cause)
     else:
         yield user
         reason = f"cannot write to {user.folder}"
-    if not private_folder.cache_info().currsize:
+    if not temporary_folder.cache_info().currsize:
         log.warning("%s; compiled kernels are kept for this process only", reason)
-    yield KernelCache(_own(private_folder()), is_lasting=False)
+    yield KernelCache(_private(temporary_folder()), is_lasting=False)
 
 
 def user_folder() -> Path:
@@ -125,8 +116,8 @@ def user_folder() -> Path:
 
 
 @lru_cache(maxsize=1)
-def private_folder() -> Path:
-    """A temporary folder, removed when this process ends."""
+def temporary_folder() -> Path:
+    """A folder that is removed when this process ends."""
     folder = Path(tempfile.mkdtemp(prefix="baxter-kin-"))
     atexit.register(_remove, folder, os.getpid())
     return folder
@@ -138,16 +129,15 @@ def _remove(folder: Path, owner: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _own(folder: Path) -> Path:
+def _private(folder: Path) -> Path:
     """A folder that belongs to this user and that nobody else may write to; made if missing.
 
-    Any other folder is refused with a `FileError`.
+    Any other folder is refused with a `FileError`. Root makes none in the home of another user,
+    who could not use it.
     """
-    if not hasattr(os, "geteuid"):
-        raise FileError("use", folder, "this system does not know its owner")
     try:
         above = next(path for path in folder.parents if path.exists())
-        if not folder.exists() and os.geteuid() == 0 and above.stat().st_uid != 0:
+        if not folder.exists() and os.geteuid() == 0 != above.stat().st_uid:
             raise FileError("use", folder, f"{above} belongs to another user, not to root")
         folder.parent.mkdir(0o700, parents=True, exist_ok=True)
         with suppress(FileExistsError):
@@ -155,15 +145,10 @@ def _own(folder: Path) -> Path:
         status = folder.lstat()
     except OSError as cause:
         raise FileError("use", folder, cause.strerror or str(cause)) from cause
-    if not stat.S_ISDIR(status.st_mode):
-        raise FileError("use", folder, "it is a link or no folder")
-    if status.st_uid != os.geteuid():
-        raise FileError("use", folder, f"it belongs to another user (number {status.st_uid})")
-    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        mode = stat.S_IMODE(status.st_mode)
-        raise FileError(
-            "use", folder, f"other users may write to it (mode {mode:04o}; chmod go-w closes it)"
-        )
+    is_own = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid()
+    if not is_own or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        reason = "it must be a folder of this user that nobody else may write to (chmod go-w)"
+        raise FileError("use", folder, reason)
     return folder
 
 

@@ -25,7 +25,7 @@ import casadi as ca
 
 from baxter_kin.compilation import agreement
 from baxter_kin.compilation.compiler import FLAGS, Compiler, compilers, run_within
-from baxter_kin.compilation.kernel_cache import BUILD, NAMING, KernelCache, digest, kernel_caches
+from baxter_kin.compilation.kernel_cache import BUILD, KernelCache, digest, kernel_caches
 from baxter_kin.errors import FileError
 
 TEST_S = 60.0
@@ -111,7 +111,7 @@ def built(
 
 def key_of(*parts: str | bytes) -> str:
     """A hash of what a kernel is made from, the compiler's flags and the kind of machine."""
-    own = (NAMING, *parts, *FLAGS, platform.system(), platform.machine())
+    own = (*parts, *FLAGS, platform.system(), platform.machine())
     texts = (part if isinstance(part, bytes) else part.encode() for part in own)
     return digest(b"\0".join(texts))
 
@@ -151,35 +151,28 @@ def _made(kernel: Kernel[T_co], cache: KernelCache, found: Sequence[Compiler]) -
     """The kernel, compiled by the first compiler that works, and kept in the cache."""
     how_often = f"once; kept in {cache.folder}" if cache.is_lasting else "once in this process"
     for compiler in found:
-        if compiler in _FAILED or cache.note(compiler).exists():
+        if compiler in _FAILED:
             continue
         log.info("compiling a kernel with %s: takes some seconds, %s", compiler, how_often)
         with tempfile.TemporaryDirectory(
             prefix=BUILD, dir=cache.folder, ignore_cleanup_errors=True
         ) as folder:
-            library = _made_by(compiler, kernel, Path(folder), cache)
+            library = _made_by(compiler, kernel, Path(folder))
             if library is not None:
                 return kernel.load(cache.keep(kernel.key, library))
     log.debug("no C compiler works; using %s", kernel.instead)
     return None
 
 
-def _made_by(
-    compiler: Compiler, kernel: Kernel[object], folder: Path, cache: KernelCache
-) -> Path | None:
+def _made_by(compiler: Compiler, kernel: Kernel[object], folder: Path) -> Path | None:
     """A library that passes its test; None if the compiler is broken, which is remembered."""
     try:
         library = compiler.compile(kernel.source, folder)
         if _passes_test(kernel, library):
             return library
         reason = "its output does not load, or computes something else"
-    except subprocess.TimeoutExpired as cause:
-        reason = f"no answer within {cause.timeout:g} s; not tried again until it changes"
-        cache.note(compiler).write_text(f"{compiler}: {reason}\n", "utf-8")
-    except subprocess.CalledProcessError as cause:
-        reason = f"exit status {cause.returncode}"
-    except OSError as cause:
-        reason = cause.strerror or str(cause)
+    except (OSError, subprocess.SubprocessError) as cause:
+        reason = str(cause)
     log.warning(
         "%s cannot compile a kernel (%s); another compiler, or else %s, is used instead",
         compiler,

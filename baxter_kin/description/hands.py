@@ -33,11 +33,10 @@ from baxter_kin.description.urdf import (
     UrdfShape,
     below,
 )
-from baxter_kin.display import count, position, quoted
+from baxter_kin.display import count, millimetres_hint, position, quoted
 from baxter_kin.errors import ConfigurationError, DescriptionError
 from baxter_kin.fields import FrozenMapping, evolve, field, frozen
 from baxter_kin.frames import checked_pose
-from baxter_kin.hints import millimetres_hint
 
 SIDES = ("left", "right")
 
@@ -82,9 +81,6 @@ class ElectricGripper:
             the hand opens and closes 19 mm wider than in the one before. In slot 1 the pads of
             narrow fingers would meet before the gripper is closed, which is not modelled.
         tips: "paddle" or "half_round".
-
-    Raises:
-        ConfigurationError: when it cannot be assembled so, or is not modelled.
     """
 
     fingers: str = "narrow"
@@ -113,9 +109,6 @@ class ElectricGripper:
         """The gripper of some words joined by "-", as command lines have it: "narrow-3-half_round".
 
         Parts that are not named have their defaults.
-
-        Raises:
-            ConfigurationError: when a word is not known or one part is named twice.
         """
         words: dict[str, str | int] = {}
         for word in str(text).split("-"):
@@ -152,11 +145,6 @@ class Tool:
         shapes: boxes, cylinders and spheres, each placed as seen from `<side>_hand`.
         T_hand_tip: pose of the tip seen from `<side>_hand`, whose z points out of the flange; the
             arm's kinematics and IK then refer to that tip.
-
-    Raises:
-        ConfigurationError: when it has no shape or too many, one of another kind, or reaches
-            farther than `MAX_TOOL_REACH_M`.
-        PoseError: when the pose of the tip is not a valid one.
     """
 
     shapes: tuple[UrdfShape, ...]

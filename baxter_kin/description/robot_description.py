@@ -78,11 +78,7 @@ class StockFiles:
     @classmethod
     @cache
     def installed(cls) -> StockFiles:
-        """The files of the installed example-robot-data, which are searched for once.
-
-        Raises:
-            DescriptionError: when that package, or Baxter in it, is missing.
-        """
+        """The files of the installed example-robot-data, which are searched for once."""
         try:
             files = distribution(_DISTRIBUTION).files or []
         except PackageNotFoundError:
@@ -96,11 +92,7 @@ class StockFiles:
 
     @classmethod
     def below(cls, root: Path) -> StockFiles:
-        """The files in the folder of a copy of example-robot-data.
-
-        Raises:
-            DescriptionError: when one is missing.
-        """
+        """The files in the folder of a copy of example-robot-data."""
         files = cls(urdf=root / _URDF, srdf=root / _SRDF, package_dir=root.parent)
         for path in (files.urdf, files.srdf):
             if not path.is_file():
@@ -121,9 +113,6 @@ class RobotIdentity:
             joint and the root: x, y, z in m, then roll, pitch, yaw in rad.
         ranges: lowest and highest position and highest speed of each joint that moves, in rad or m
             and s.
-
-    Raises:
-        ConfigurationError: when a value is of another class.
     """
 
     kinematics: str
@@ -238,10 +227,6 @@ class RobotDescription:
             urdf: the path of a URDF; or its text, as text that begins with "<" or as bytes.
             hands: the hand on the flange of each side, None for a bare one. A side that is not
                 named has the hand of the URDF; on the right of the stock robot `DEFAULT_RIGHT`.
-
-        Raises:
-            DescriptionError: when it cannot be read, or is not a Baxter's, or the hands are not
-                such a mapping.
         """
         stock = StockFiles.installed()
         given = checked_hands({} if hands is None else hands)
@@ -267,9 +252,6 @@ class RobotDescription:
         """The stock robot with the hands of example-robot-data: half-round tips on the right.
 
         `of` mounts `DEFAULT_RIGHT` on the right instead, equal to the left hand.
-
-        Raises:
-            DescriptionError: when that package, or Baxter in it, is missing.
         """
         stock = StockFiles.installed()
         return cls(_drawn_tree(stock).text, stock, "the URDF of example-robot-data")

@@ -112,10 +112,6 @@ class UrdfShape:
         mesh: the name of a mesh of Rethink's, without folder and ending; empty for all others.
         xyz: position on the link, m.
         rpy: orientation there: roll, pitch, yaw about the link's x, y, z in this order, rad.
-
-    Raises:
-        DescriptionError: when a value is of another class or not finite, or the size does not fit
-            the kind.
     """
 
     kind: ShapeKind

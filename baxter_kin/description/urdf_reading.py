@@ -101,9 +101,6 @@ def read_xml(text: str | bytes) -> Element:
 
     Args:
         text: the whole text; bytes are decoded as their first line states, else as UTF-8.
-
-    Raises:
-        DescriptionError: when it is not XML, declares a document type, or exceeds a limit.
     """
     if isinstance(text, str):
         content, encoding = text.encode("utf-8", "replace"), "utf-8"

@@ -41,9 +41,6 @@ class IKFailure(_Pending):
         nearest_m: distance of the pose from the nearest reachable position found in its
             orientation, by the result's `q`; None where `beyond_reach_m` was proven before such a
             position was searched for. Where both are known, the true distance is between them.
-
-    Raises:
-        ConfigurationError: when a value is of another class.
     """
 
     reason: str

@@ -8,12 +8,12 @@ ours is the table in `setpoints.json`, which `scripts/build_setpoints.py` comput
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from enum import IntEnum
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.resources import files
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -102,28 +102,9 @@ def starts_around(arm: Arm, q_seeds: FloatArray, count: int) -> Iterator[FloatAr
         yield np.clip(scattered, arm.limits.q_min, arm.limits.q_max)
 
 
-class ComputedStarts(Protocol):
-    """Computes starts for poses."""
-
-    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """`count` starts for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
-
-
-class _ScatteredStarts:
-    """Starts from all over the joint ranges, the same ones for every pose.
-
-    Computed starts are dense where most of a pose's self-motion is nearly inside the limits; these
-    also find an isolated solution elsewhere, between several limits.
-    """
-
-    def __init__(self, arm: Arm) -> None:
-        self._limits = arm.limits
-
-    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """`count` starts, uniform between the limits, for poses (m, 4, 4): (m, count, 7), rad."""
-        rng, limits = np.random.default_rng(2), self._limits
-        q = rng.uniform(limits.q_min, limits.q_max, (count, 7))
-        return np.broadcast_to(q, (len(Ts), count, 7))
+Starts: TypeAlias = Callable[[FloatArray, int], FloatArray]
+"""Computes a number of starts for each pose, shape (m, 4, 4): shape (m, number, 7), rad, best
+first."""
 
 
 class NullSpaceMap:
@@ -135,6 +116,7 @@ class NullSpaceMap:
 
     def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
         self._arm, self._task = arm.at_gripper, Task.of(arm, tolerance)
+        self._closed_form = cache(partial(ClosedForm, self._arm))
 
     @cached_property
     def setpoints(self) -> FloatArray:
@@ -158,33 +140,29 @@ class NullSpaceMap:
         order: Indices = least.argsort(axis=1)[:, :MAP_STARTS]
         return order
 
-    @cached_property
-    def coarse(self) -> ComputedStarts:
-        """Starts that take a quarter of a millisecond to compute."""
-        return _StartsInTurns(ClosedForm(self._arm, turns=16, rolls=1), self._task)
+    def coarse(self, Ts: FloatArray, count: int) -> FloatArray:
+        """Starts, as of `Starts`, that take a quarter of a millisecond to compute."""
+        return self._in_turns(self._closed_form(turns=16, rolls=1), Ts, count)
 
-    @cached_property
-    def fine(self) -> ComputedStarts:
+    def fine(self, Ts: FloatArray, count: int) -> FloatArray:
         """Starts that take one or two milliseconds: 0.07 rad apart in s0, with all rolls."""
-        return _StartsInTurns(ClosedForm(self._arm, turns=48, rolls=4), self._task)
+        return self._in_turns(self._closed_form(turns=48, rolls=4), Ts, count)
 
-    @cached_property
-    def scattered(self) -> ComputedStarts:
-        """Starts from all over the joint ranges."""
-        return _ScatteredStarts(self._arm)
+    def scattered(self, Ts: FloatArray, count: int) -> FloatArray:
+        """Starts from all over the joint ranges, uniform, the same ones for every pose.
 
+        The others are dense where most of a pose's self-motion is nearly inside the limits; these
+        also find an isolated solution elsewhere, between several limits.
+        """
+        rng, limits = np.random.default_rng(2), self._arm.limits
+        q = rng.uniform(limits.q_min, limits.q_max, (count, 7))
+        return np.broadcast_to(q, (len(Ts), count, 7))
 
-class _StartsInTurns:
-    """Computed starts for all allowed gripper poses, taken in turns."""
-
-    def __init__(self, closed_form: ClosedForm, task: Task) -> None:
-        self._closed_form, self._task = closed_form, task
-
-    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
-        """Starts for poses, shape (m, 4, 4): shape (m, count, 7), rad."""
+    def _in_turns(self, closed_form: ClosedForm, Ts: FloatArray, count: int) -> FloatArray:
+        """Starts for all allowed gripper poses, taken in turns."""
         poses = self._task.gripper_poses(Ts)
         each = -(-count // poses.shape[1])
-        starts = self._closed_form.starts(poses.reshape(-1, 4, 4), each)
+        starts = closed_form.starts(poses.reshape(-1, 4, 4), each)
         in_turns: FloatArray = starts.reshape(len(Ts), -1, each, 7).transpose(0, 2, 1, 3)
         return in_turns.reshape(len(Ts), -1, 7)[:, :count]
 

@@ -126,10 +126,6 @@ class IKService(OneLine):
 
         With `AUTO` and a C compiler, they are compiled the first time, which takes some seconds and
         is logged at level INFO; later processes find them in the user's cache.
-
-        Raises:
-            UnknownNameError: when there is no such backend.
-            RequestError: when `arm` is not an `Arm`.
         """
         self._wanted = Backend.of(backend)
         self.arm = expect(arm, Arm, "arm", RequestError)

@@ -59,13 +59,6 @@ def distinct_solutions(
             be empty.
         T_base_tip: the pose; by default the one that the first candidate reaches.
         step_rad: longest step along the curves.
-
-    Raises:
-        ConfigurationError: when a candidate has another shape, is not finite, is outside the limits
-            or misses the pose by more than `POSE_MISMATCH`; by index.
-        RequestError: when the step is not allowed, `candidates` is not iterable or has more than
-            `MAX_CANDIDATES` items, or `arm` is not an `Arm`.
-        PoseError: when `T_base_tip` is not a valid pose.
     """
     expect(arm, Arm, "arm", RequestError)
     step_rad = checked_step(step_rad)
@@ -100,11 +93,6 @@ def solutions(
         starts: number of seeds.
         rng: draws the seeds; by default they are the same every time.
         step_rad: longest step along the curves.
-
-    Raises:
-        RequestError: when `starts` is not an integer from 1 to `MAX_CANDIDATES`, the step is not
-            allowed, or `ik` or `rng` is of another class.
-        PoseError: when `T_base_tip` is not a valid pose.
     """
     step_rad = checked_step(step_rad)
     count = whole_scalar(starts, "starts", RequestError, least=1, most=MAX_CANDIDATES)
@@ -148,11 +136,6 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
 
     Returns:
         Shape (n, 7), rad; empty if none was found.
-
-    Raises:
-        PoseError: when the pose is not a valid one.
-        RequestError: when `turns` is not an integer from 1 to `MAX_TURNS`, or `ik` is not an
-            `IKService`.
     """
     count = whole_scalar(turns, "turns", RequestError, least=1, most=MAX_TURNS)
     expect(ik, IKService, "ik", RequestError)

@@ -20,10 +20,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import quoted
+from baxter_kin.display import degrees_hint, quoted
 from baxter_kin.errors import RequestError, UnknownNameError
 from baxter_kin.fields import field, frozen, scalar
-from baxter_kin.hints import degrees_hint
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, float_array
 
@@ -72,9 +71,6 @@ class Tolerance:
         tilt_rad: how far the axis about which the rotation is free may lean in any direction, from
             zero to `MAX_ROTATION_RAD`, rad: a circular cone. One axis of `rotation_rad` is then
             `FREE`, and the others, which would bound the lean by a box, are zero.
-
-    Raises:
-        RequestError: when a number is negative, NaN or not allowed.
     """
 
     position_m: Triple = field(default=_NOTHING, converter=_bounds("position_m"))
@@ -108,11 +104,7 @@ class Tolerance:
 
     @classmethod
     def position_only(cls, position_m: ArrayLike = _NOTHING) -> Tolerance:
-        """Any orientation; the position within `position_m`, a number or one for each axis.
-
-        Raises:
-            RequestError: when these are not one or three numbers from zero to `FREE`.
-        """
+        """Any orientation; the position within `position_m`, a number or one for each axis."""
         given = float_array(position_m, "position_m", RequestError)
         bounds = np.full(3, given) if given.ndim == 0 else given
         return cls(_three(bounds, "position_m"), (FREE, FREE, FREE))
@@ -124,10 +116,6 @@ class Tolerance:
         Args:
             axis: of the tip frame; z points out of the hand.
             tilt_rad: the largest angle between the requested axis and the reached one.
-
-        Raises:
-            UnknownNameError: when there is no such axis.
-            RequestError: when the angle is not from zero to `MAX_ROTATION_RAD`.
         """
         return cls(rotation_rad=_free_about(axis, 0.0), tilt_rad=tilt_rad)
 
@@ -141,10 +129,6 @@ class Tolerance:
         Args:
             axis: of the tip frame; z points out of the hand.
             tilt_rad: a number, or one for each of the two other axes, in the order of the alphabet.
-
-        Raises:
-            UnknownNameError: when there is no such axis.
-            RequestError: when a number is not from zero to `MAX_ROTATION_RAD`.
         """
         return cls(rotation_rad=_free_about(axis, tilt_rad))
 
@@ -167,11 +151,7 @@ class Tolerance:
         return math.hypot(*bounded) + self.tilt_rad
 
     def excess(self, T_base_target: pin.SE3, T_base_tip: pin.SE3) -> tuple[float, float]:
-        """How far a tip exceeds the tolerance: distance (m) and angle (rad), zero within.
-
-        Raises:
-            RequestError: when a pose is not an SE3.
-        """
+        """How far a tip exceeds the tolerance: distance (m) and angle (rad), zero within."""
         for pose in (T_base_target, T_base_tip):
             expect(pose, pin.SE3, "pose", RequestError)
         T = T_base_target.actInv(T_base_tip)

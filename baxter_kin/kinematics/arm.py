@@ -15,16 +15,20 @@ from baxter_kin.display import quoted, shortened
 from baxter_kin.errors import ConfigurationError, DescriptionError, LimitsError, UnknownNameError
 from baxter_kin.frames import checked_pose
 from baxter_kin.kinematics.joint_chain import JointChain
-from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
+from baxter_kin.kinematics.limits import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    DEFAULT_JERK_RAD_S3,
+    JointLimits,
+)
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 
 LIMBS = ("left", "right")
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+"""The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 MAX_SPEED_RAD_S = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
 """Greatest speeds of the joints in position mode, at speed ratio 1 (Rethink's hardware
 specification), shoulder first."""
-"""The joints of an arm: two of the shoulder, two of the elbow, three of the wrist."""
 
 _NEUTRAL = (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0)
 _LEFT_START = (
@@ -121,11 +125,6 @@ class Arm:
             tip: a frame of the last link, such as "left_hand" or "left_hand_camera", or the pose of
                 a tool's tip seen from the gripper.
             name: the name of the frame of a tool.
-
-        Raises:
-            UnknownNameError: when the last link has no such frame.
-            PoseError: when the pose is not a valid one.
-            ConfigurationError: when the tool's name is not printable, too long, or that of a frame.
         """
         arm = copy(self)
         if isinstance(tip, str):
@@ -147,9 +146,6 @@ class Arm:
             limits: of the seven joints of this arm, such as `evolve(arm.limits, q_max=...)` or
                 `arm.limits.preset("safe")`. Ranges may be narrower than those of the robot's URDF,
                 but not wider, since the stops of the joints are there.
-
-        Raises:
-            LimitsError: when they are of another class or of other joints, or a range is wider.
         """
         expect(limits, JointLimits, "limits", LimitsError)
         if limits.names != self.joint_names:
@@ -179,9 +175,6 @@ class Arm:
 
         Args:
             q: shape (7,), rad; any finite values, inside the limits or not.
-
-        Raises:
-            ConfigurationError: when `q` has another shape or is not finite.
         """
         q = finite_array(q, (7,), "q", ConfigurationError)
         data = self._workspace.data
@@ -189,11 +182,7 @@ class Arm:
         return pin.SE3(pin.updateFramePlacement(self.model, data, self._tip_id))
 
     def T_base_tips(self, qs: ArrayLike) -> FloatArray:
-        """Forward kinematics of many configurations at once, shape (m, 7), rad: (m, 4, 4).
-
-        Raises:
-            ConfigurationError: when `qs` has another shape or is not finite.
-        """
+        """Forward kinematics of many configurations at once, shape (m, 7), rad: (m, 4, 4)."""
         given = float_array(qs, "qs", ConfigurationError)
         qs = finite_array(given, (given.size // 7, 7), "qs", ConfigurationError)
         T_last_tip = self.model.frames[self._tip_id].placement.homogeneous
@@ -204,9 +193,6 @@ class Arm:
         """The geometric Jacobian of the tip, shape (6, 7): twist of the tip per joint velocity.
 
         Rows are linear velocity (m/s), then angular (rad/s), along the axes of base, at the tip.
-
-        Raises:
-            ConfigurationError: when `q` has another shape than (7,) or is not finite.
         """
         q = finite_array(q, (7,), "q", ConfigurationError)
         data = self._workspace.data
@@ -214,13 +200,7 @@ class Arm:
         return np.array(pin.computeFrameJacobian(self.model, data, q, self._tip_id, axes))
 
     def configuration(self, joints: Mapping[str, float] | ArrayLike, what: str = "q") -> FloatArray:
-        """Joint values by name or in order, as an array of shape (7,), rad.
-
-        Raises:
-            UnknownNameError: when a name is not a joint of this arm.
-            ConfigurationError: when a joint is missing, the shape is wrong, or a value is not
-                finite.
-        """
+        """Joint values by name or in order, as an array of shape (7,), rad."""
         what = shortened(str(what))
         if not isinstance(joints, Mapping):
             return finite_array(joints, (7,), what, ConfigurationError)
@@ -234,20 +214,12 @@ class Arm:
         return finite_array(ordered, (7,), what, ConfigurationError)
 
     def joints(self, q: ArrayLike) -> dict[str, float]:
-        """Joint values by name, rad.
-
-        Raises:
-            ConfigurationError: when `q` has another shape than (7,) or is not finite.
-        """
+        """Joint values by name, rad."""
         q = finite_array(q, (7,), "q", ConfigurationError)
         return dict(zip(self.joint_names, q.tolist(), strict=True))
 
     def random_configuration(self, rng: np.random.Generator) -> FloatArray:
-        """A configuration drawn uniformly between the position limits, shape (7,), rad.
-
-        Raises:
-            ConfigurationError: when `rng` is no NumPy generator.
-        """
+        """A configuration drawn uniformly between the position limits, shape (7,), rad."""
         expect(rng, np.random.Generator, "rng", ConfigurationError)
         return rng.uniform(self.limits.q_min, self.limits.q_max)
 

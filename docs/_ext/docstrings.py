@@ -1,8 +1,8 @@
-"""What docstrings say in their own way, put as Sphinx reads it.
+"""Converts conventions of our docstrings into what Sphinx parses.
 
-Fences (three backticks) become literal blocks, and what is said of an attribute or property is
-text: Napoleon would take what stands before a colon for a type. A default that is made for each
-object is shown as three dots.
+Fences (three backticks) become literal blocks. The description of an attribute or property stays
+text, since Napoleon would parse the words before a colon as a type. A default factory is shown as
+three dots.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ FENCE = "```"
 OF_VALUES = ("attribute", "data", "property")
 
 ALIAS = re.compile(r"TypeAliasForwardRef\('(\w+)'\)")
-"""How autodoc writes one of `autodoc_type_aliases` beside "|"."""
+"""The text of one of `autodoc_type_aliases` beside "|" in autodoc's signatures."""
 
 _waiting: list[str] = []
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Listen before Napoleon, and after it."""
+    """Connect the handlers that run before and after Napoleon."""
     app.connect("autodoc-process-docstring", unfence, priority=300)
     app.connect("autodoc-process-docstring", take, priority=400)
     app.connect("autodoc-process-docstring", give_back, priority=600)
@@ -34,7 +34,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 def unfence(
     _app: Sphinx, _what: str, _name: str, _of: object, _options: object, lines: list[str]
 ) -> None:
-    """Fenced lines, indented under two colons."""
+    """Turn fences into literal blocks."""
     unfenced: list[str] = []
     is_inside = False
     for line in lines:
@@ -49,7 +49,7 @@ def unfence(
 def take(
     app: Sphinx, what: str, _name: str, of: object, _options: object, lines: list[str]
 ) -> None:
-    """Keep the text of a value from Napoleon, its sections parsed."""
+    """Withhold the text of a value from Napoleon, with its sections parsed."""
     if what in OF_VALUES:
         _waiting[:] = GoogleDocstring(lines, app.config, app, "method", "", of).lines()
         lines.clear()
@@ -58,7 +58,7 @@ def take(
 def give_back(
     _app: Sphinx, what: str, _name: str, _of: object, _options: object, lines: list[str]
 ) -> None:
-    """The text that was kept."""
+    """Restore the withheld text."""
     if what in OF_VALUES:
         lines[:] = _waiting
 
@@ -72,12 +72,12 @@ def shorten(
     signature: str | None,
     returned: str | None,
 ) -> tuple[str | None, str | None] | None:
-    """The signature without what is no Python."""
+    """Remove text that is not Python from a signature."""
     return _plain(signature), _plain(returned)
 
 
 def _plain(text: str | None) -> str | None:
-    """Python as it is written, not as `repr` has it."""
+    """Python source in place of its `repr`."""
     if text is None:
         return None
     return ALIAS.sub(r"\1", re.sub(r"<[^<>]*>", "...", text))

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: no page asks a server for a script.
+"""Formulas as MathML, which browsers render without a script from a server.
 
 Docutils translates the LaTeX; what it does not know is a warning, so an error of `make docs`.
 """
@@ -23,11 +23,11 @@ OTHER_WORDS = (
     (re.compile(r"\\(begin|end)\{(?:align|gather|equation)\*?\}"), r"\\\1{aligned}"),
     (re.compile(r"\\(begin|end)\{array\}(?:\{[lcr|]*\})?"), r"\\\1{matrix}"),
 )
-"""What docutils knows under other names."""
+"""Commands that docutils knows under other names."""
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Offer the renderer "mathml"."""
+    """Register the renderer "mathml"."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
 

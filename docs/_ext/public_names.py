@@ -1,9 +1,9 @@
 """The reference: names under the front door that users import them from, and links to them.
 
-`.. documents:: planner` with a name a line documents these. A name that two front doors have is
-documented at the first of them; the other says where. `.. errors-of:: planner.errors` documents the
-exceptions of a module, those apart that its front door has. Wherever a page has such a name as
-code, in full, it becomes a link; in the reference, its last part is enough.
+`.. documents:: planner` documents the names listed below it, one per line. A name of two front
+doors is documented at the first one, and the other links to it. `.. errors-of:: planner.errors`
+documents the exceptions of a module, except those of its front door. A full name that a page shows
+as code becomes a link; in the reference, its last part suffices.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from scripts.check_site import FRONT_DOORS
 
 PACKAGES = ("baxter_kin", "planner", "sim")
 FOREIGN = ("Figure", "np", "pin")
-"""Names of other packages, as signatures have them."""
+"""Names of other packages that occur in signatures."""
 LOGGER = logging.getLogger(__name__)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Add directive and links."""
+    """Register the directives and the links."""
     app.add_directive("documents", Documents)
     app.add_directive("errors-of", ErrorsOf)
     app.add_transform(LinkedNames)
@@ -48,7 +48,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 @cache
 def homes() -> dict[str, str]:
-    """Of each public name in full, the full name under which it is documented."""
+    """The name under which each full public name is documented."""
     documented: dict[int, str] = {}
     return {
         full: documented.setdefault(id(value), full)
@@ -67,18 +67,18 @@ def _public_values() -> list[object]:
 
 @cache
 def short_names() -> dict[str, str]:
-    """Of each public name's last part, the full name under which it is documented."""
+    """The name under which the last part of each public name is documented."""
     return {home.rpartition(".")[2]: home for home in homes().values()}
 
 
 class Documents(SphinxDirective):
-    """Documents names of a front door, one a line."""
+    """Documents names of a front door, one per line."""
 
     required_arguments = 1
     has_content = True
 
     def run(self) -> list[nodes.Node]:
-        """What autodoc finds, or where it stands."""
+        """The output of autodoc, or a link to it."""
         door = self.arguments[0]
         names = [name for line in self.content for name in line.split()]
         return [node for name in names for node in self._documented(f"{door}.{name}")]
@@ -94,7 +94,7 @@ class Documents(SphinxDirective):
         return self.parse_text_to_nodes(_directive(full, value))
 
     def _elsewhere(self, full: str, home: str) -> list[nodes.Node]:
-        """A line that is a target of its own."""
+        """A line with its own link target."""
         anchor = nodes.make_id(full)
         kind = "class" if full.rpartition(".")[2][0].isupper() else "function"
         domain: Any = self.env.get_domain("py")
@@ -107,12 +107,12 @@ class Documents(SphinxDirective):
 
 
 class ErrorsOf(SphinxDirective):
-    """Documents the exceptions and warnings of a module that no front door has."""
+    """Documents the exceptions and warnings of a module that are on no front door."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """What autodoc finds."""
+        """The output of autodoc."""
         public = {id(value) for value in _public_values()}
         module = import_module(self.arguments[0])
         text = [
@@ -127,7 +127,7 @@ class ErrorsOf(SphinxDirective):
 
 
 def _directive(full: str, value: object) -> str:
-    """How autodoc is asked for it."""
+    """The autodoc directive of an object."""
     if not inspect.isclass(value):
         return f".. autofunction:: {full}\n"
     kind = "autoexception" if issubclass(value, BaseException) else "autoclass"
@@ -138,12 +138,12 @@ def _directive(full: str, value: object) -> str:
 
 
 class LinkedNames(SphinxTransform):
-    """Public names that stand as code become links."""
+    """Turns public names in code into links."""
 
     default_priority = 400
 
     def apply(self, **_options: Any) -> None:
-        """Put a reference around each."""
+        """Wrap each name in a reference."""
         in_reference = self.env.docname.startswith("reference/")
         for literal in list(self.document.findall(nodes.literal)):
             target = target_of(literal.astext(), is_short_enough=in_reference)
@@ -159,7 +159,7 @@ class LinkedNames(SphinxTransform):
 
 
 def target_of(text: str, *, is_short_enough: bool) -> str | None:
-    """The documented name that code speaks of; a call's brackets do not matter."""
+    """The documented name that code refers to, without the brackets of a call."""
     name = text.removesuffix("()")
     parts = name.split(".")
     for count in range(len(parts), 0, -1):
@@ -174,12 +174,12 @@ def target_of(text: str, *, is_short_enough: bool) -> str | None:
 def leave_unlinked(
     app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, content: nodes.Node
 ) -> nodes.Node | None:
-    """Names that are there, but not in the reference, stay text; others are warnings."""
+    """Keep existing names that are not in the reference as text; warn about others."""
     if node.get("refdomain") != "py":
         return None
     target = str(node["reftarget"])
     first, _, _ = target.partition(".")
-    if node.get("is_code"):  # a member that is not documented by itself
+    if node.get("is_code"):  # a member without an entry of its own
         owner = target.rpartition(".")[0]
         domain: Any = env.get_domain("py")
         return domain.resolve_xref(
@@ -191,7 +191,7 @@ def leave_unlinked(
 
 @cache
 def _known() -> frozenset[str]:
-    """All names in the loaded modules of these packages."""
+    """All names in the loaded modules of our packages."""
     return frozenset(_names())
 
 
@@ -208,7 +208,7 @@ BACK = re.compile(r'<a class="viewcode-back" href="[^"]*#([^"]*)">\[docs\]</a>')
 def lead_back(
     app: Sphinx, page: str, _template: str, context: dict[str, Any], _tree: object
 ) -> None:
-    """Links from sources to the reference, to where each name is documented.
+    """Link sources to the entry of each name in the reference.
 
     Viewcode takes all names of a module for names of the same front door.
     """
@@ -228,7 +228,7 @@ def lead_back(
 
 
 def _where_documented(module: str, wrong: str) -> Iterator[str]:
-    """Full names that a name may have in the reference, by how viewcode ends it."""
+    """Full names that a name of viewcode may have in the reference."""
     parts = wrong.split(".")
     for count in range(1, len(parts) + 1):
         name = ".".join(parts[-count:])

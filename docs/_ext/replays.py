@@ -1,4 +1,4 @@
-"""Replays on the site: each is a file of its own, in a frame that loads when it is seen.
+"""Replays on the site: each is a separate file, in a frame that loads when it becomes visible.
 
 Stories of the gallery and notebooks leave their replays in `_replays` beside their pages; when all
 pages are written, they go to the site's `_static/replays`.
@@ -22,11 +22,11 @@ MADE_IN = "_replays"
 SERVED_FROM = "_static/replays"
 
 STORIES = ("first_task", "reach", "around_a_wall", "tower", "two_arms", "noisy_eyes")
-"""The gallery, in its order."""
+"""The pages of the gallery, in order."""
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Bring the replays to the site at the end, after what runs the notebooks."""
+    """Copy the replays to the site after the notebooks have run."""
     app.connect("build-finished", bring, priority=900)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -52,23 +52,23 @@ def frame(name: str, title: str) -> str:
 
 
 def in_order(file: str) -> int:
-    """Where a story stands in the gallery, for sphinx-gallery."""
+    """The position of a page in the gallery, for sphinx-gallery."""
     return STORIES.index(Path(file).stem)
 
 
 class ReplayScraper:
-    """Shows the replay or figure that a block of a story ends with, for sphinx-gallery."""
+    """Shows the replay or figure at the end of a code block, for sphinx-gallery."""
 
     def __repr__(self) -> str:
-        """The same in every build, or each story would be taken for changed."""
+        """A constant, since sphinx-gallery runs all programs again if its configuration changes."""
         return "ReplayScraper()"
 
     def __call__(
         self, _block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
     ) -> str:
-        """The frame as reStructuredText, or nothing; the page is written."""
+        """Write the replay's page; returns its frame as reStructuredText, or an empty text."""
         names = block_vars["example_globals"]
-        replay = names.get("___")  # where sphinx-gallery keeps the value of the last expression
+        replay = names.get("___")  # where sphinx-gallery stores the value of the last expression
         if isinstance(replay, Figure):
             names["___"] = None
             path = next(block_vars["image_path_iterator"])

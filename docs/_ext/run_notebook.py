@@ -8,14 +8,14 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[2])]
 
-from tests import notebook_kernel  # noqa: E402 - as the line above lets it
+from tests.notebook_kernel import notebooks  # noqa: E402 - as the line above lets it
 
 
 def main(name: str, folder: Path) -> None:
     """Write the page of each replay that the notebook shows."""
     with tempfile.TemporaryDirectory() as working:
-        ran = notebook_kernel.executed(name, Path(working))
-    notebook_kernel.module("replays").write_replays(ran, name, folder)
+        ran = notebooks.executed(notebooks.read(name), Path(working))
+    notebooks.write_replays(ran, name, folder)
 
 
 if __name__ == "__main__":

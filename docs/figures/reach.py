@@ -16,7 +16,7 @@ X_M, Y_M = np.linspace(-0.2, 1.3, 76), np.linspace(-0.7, 1.3, 101)
 
 
 def draw() -> Figure:
-    """A grid 2 cm wide, 13 cm below base."""
+    """Draw a 2 cm grid, 13 cm below base."""
     ik = IKService(Baxter.load().arm("left"))
     grid = [pose_from_quaternion((x, y, HEIGHT_M), DOWN) for y in Y_M for x in X_M]
     answers = ik.solve_batch(grid)
@@ -39,5 +39,5 @@ def draw() -> Figure:
     axes.set_title("Left hand pointing down; green: solved")
     axes.grid(visible=False)
     white = int((~is_reached & ~(missing_mm > 0.0)).sum())
-    axes.text(0.02, 0.02, f"without an answer or a proof: {white}", transform=axes.transAxes)
+    axes.text(0.02, 0.02, f"without a solution or a proof: {white}", transform=axes.transAxes)
     return figure

@@ -1,4 +1,4 @@
-"""The tube of a lagging joint, and answers that stay in it."""
+"""The tube of a lagging joint, and responses inside it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEP_S = 1e-3
 
 
 def draw() -> Figure:
-    """The second joint, from the start to the pick."""
+    """Draw the second joint, from the start to the pick."""
     motion = joined(move.trajectory for move in demo_plan().moves[:2])
     response = Response(lag_s=LAG_S, speed=SPEED)
     start = motion.q_start
@@ -40,23 +40,23 @@ def draw() -> Figure:
     axes.plot(times_s, sent, color=GREY, label="set-points")
     mean_s, half_s = sum(LAG_S) / 2, (LAG_S[1] - LAG_S[0]) / 2
     for lag_s, colour, label in (
-        (np.full(len(times_s), LAG_S[0]), GREEN, f"answer, lag {LAG_S[0]:g} s"),
-        (np.full(len(times_s), LAG_S[1]), ORANGE, f"answer, lag {LAG_S[1]:g} s"),
-        (mean_s + half_s * np.sin(9.0 * times_s), RED, "answer, lag that changes"),
+        (np.full(len(times_s), LAG_S[0]), GREEN, f"response, lag {LAG_S[0]:g} s"),
+        (np.full(len(times_s), LAG_S[1]), ORANGE, f"response, lag {LAG_S[1]:g} s"),
+        (mean_s + half_s * np.sin(9.0 * times_s), RED, "response, varying lag"),
     ):
-        axes.plot(times_s, _answer(sent, lag_s), color=colour, linewidth=1.1, label=label)
+        axes.plot(times_s, _response(sent, lag_s), color=colour, linewidth=1.1, label=label)
     axes.set(xlabel="time [s]", ylabel="left_s1 [rad]", xlim=(0.0, 4.0))
     axes.legend()
     return figure
 
 
 def _sent(motion: Trajectory, response: Response, times_s: FloatArray) -> FloatArray:
-    """The set-points of the joint, shape (n,); after its end the motion rests."""
+    """The set-points of the joint, shape (n,); the joint rests after the motion."""
     return np.asarray(response.command(motion, times_s).q[:, JOINT])
 
 
-def _answer(sent: FloatArray, lag_s: FloatArray) -> FloatArray:
-    """What a joint of that lag does, shape (n,): first order, step by step."""
+def _response(sent: FloatArray, lag_s: FloatArray) -> FloatArray:
+    """The response of a first-order joint with this lag, shape (n,)."""
     y = np.empty(len(sent))
     y[0] = sent[0]
     for i in range(1, len(sent)):

@@ -2,7 +2,7 @@
 Around a wall
 =============
 
-A wall stands between the block and its place. The planner finds a way, and proves it.
+A wall stands between the block and its goal. The planner finds a way around it and proves it clear.
 """
 
 import matplotlib.pyplot as plt
@@ -25,7 +25,7 @@ wall = make_block("wall", pose_from_quaternion(centre, UPRIGHT), edge_m=size, is
 simulation.spawn(wall)
 
 # %%
-# The same task twice: with the wall, and as if there were none.
+# Plan the same task twice: with the wall and without it.
 
 arm, q_now = Manipulator.of(robot, "left"), world.arm_q("left")
 task = PickAndPlace(
@@ -39,10 +39,10 @@ print(verify(plan).verdict)
 print(f"{plan.motion_time_s:.2f} s, without the wall {free.motion_time_s:.2f} s")
 
 # %%
-# The tip's way, seen from the front: over the wall, and no higher than it has to be.
+# The path of the tip, seen from the front: over the wall, and no higher than necessary.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-for shown, label in ((free, "as if there were none"), (plan, "with the wall")):
+for shown, label in ((free, "without the wall"), (plan, "with the wall")):
     tip = []
     for move in shown.moves:
         times = np.linspace(0.0, move.trajectory.duration, 50)
@@ -56,6 +56,6 @@ axes.legend()
 plt.show()
 
 # %%
-# A plan can be watched before anything has moved.
+# You can watch a plan before anything has moved.
 
 Replay(plan)

@@ -2,13 +2,13 @@
 A first task of your own
 ========================
 
-Baxter at a table, a block, and a place for it: four lines, and then what the arm did.
+Baxter at a table, a block, and a goal for it: four lines, and then the result.
 """
 
 from sim import Workbench, plot_recording
 
 # %%
-# Places are x and y in the robot's frame `base`, in metres. The arm that is faster takes the block.
+# Goals are x and y in the robot's frame `base`, in metres. The faster arm carries the block.
 
 bench = Workbench()
 bench.add_block("red", 0.70, 0.15)
@@ -16,19 +16,19 @@ task = bench.carry("red", to=(0.75, -0.05))
 print(task)
 
 # %%
-# The robot did not move by luck: the plan was proven to keep clear of everything, and then verified
-# by code that did not make it.
+# Before the arm moved, the plan was proven to stay clear of everything, and then verified by
+# independent code.
 
 plan = task.plan
 print(f"{1e3 * plan.proven_clearance_m:.1f} mm from everything, at every instant")
 
 # %%
-# Every joint against its limits, up to jerk. Most of the time one of them is at a limit: that is
-# what time-optimal means.
+# Every joint with its limits, up to jerk. In a time-optimal motion some joint is at a limit most of
+# the time.
 
 plot_recording(bench.recording(), task.arm)
 
 # %%
-# And the motion itself. Drag to look around; the panel shows joints and clearance as they change.
+# The motion itself. Drag to turn the view; the panel plots joints and clearance.
 
 bench.replay()

@@ -1,9 +1,9 @@
 """
-Noisy eyes
-==========
+Noisy perception
+================
 
-A camera sees the block some millimetres off. The fingers miss it, the arm notices, looks again and
-tries again.
+A camera observes the block with an error of some millimetres. The fingers miss it; the loop detects
+the miss, observes again and retries.
 """
 
 import matplotlib.pyplot as plt
@@ -32,8 +32,8 @@ simulation.spawn(load_object("table", pose_from_quaternion((1.0, 0.0, -0.93), UP
 simulation.spawn(make_block("red", pose_from_quaternion((0.70, -0.10, -0.13), UPRIGHT)))
 
 # %%
-# The camera is 4 mm off along each axis (standard deviation), and one look in five sees nothing.
-# The open hand leaves 3.5 mm on either side of the block.
+# The camera's error is 4 mm along each axis (standard deviation), and one observation in five
+# detects nothing. The open hand leaves 3.5 mm on either side of the block.
 
 block = world.body("red")
 grasp = pose_from_quaternion(block.centre_base, DOWN)
@@ -46,14 +46,14 @@ for number, attempt in enumerate(result.attempts, start=1):
     print(f"attempt {number}:", attempt.failure or "placed")
 
 # %%
-# Fifty looks of such a camera, seen from above, and what the open hand forgives.
+# Fifty observations of this camera, seen from above, and the tolerance of the open hand.
 
 looks = [eyes.observe("red", simulation.time_s) for _ in range(50)]
 seen = np.array([look.body.centre_base for look in looks if look is not None])
 off_mm = 1e3 * (seen - world.body("red").centre_base)
 figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
-axes.plot(*off_mm[:, :2].T, "o", label="seen")
-axes.plot(0, 0, "r+", markersize=14, label="where it is")
+axes.plot(*off_mm[:, :2].T, "o", label="observed")
+axes.plot(0, 0, "r+", markersize=14, label="true position")
 axes.axhspan(-3.5, 3.5, color="tab:green", alpha=0.15, label="fits between the fingers")
 axes.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
 axes.legend()

@@ -2,8 +2,8 @@
 A tower of three blocks
 =======================
 
-Three blocks lie askew on the table. Each is grasped along its own sides, however it lies, and
-put down straight on the one before.
+Three blocks lie askew on the table. Each is grasped along its own sides, whatever its rotation, and
+put down straight on the previous one.
 """
 
 # sphinx_gallery_thumbnail_path = "_static/tower.jpg"
@@ -13,7 +13,7 @@ import numpy as np
 from sim import Workbench
 
 # %%
-# A `sim.Workbench` is Baxter at a table. Blocks are put on it by name, place (x and y in base, in
+# A `sim.Workbench` is Baxter at a table. Blocks are added by name, position (x and y in base, in
 # metres), edge and rotation.
 
 bench = Workbench()
@@ -26,7 +26,7 @@ for name, edge_m, place in (
     bench.add_block(name, *place, edge_m=edge_m, yaw_rad=rng.uniform(-0.7, 0.7))
 
 # %%
-# A task is a line. Each is planned, verified by code that did not plan it, and executed.
+# Each task is one line. It is planned, verified by independent code, and executed.
 
 print(bench.carry("red", to=(0.70, -0.08), arm="left"))
 print(bench.carry("yellow", onto="red", arm="left"))
@@ -34,6 +34,6 @@ print(bench.carry("blue", onto="yellow", arm="left"))
 bench.withdraw("left")
 
 # %%
-# All of it is kept, and plays below: drag to look around, scroll to come closer.
+# The recording plays below: drag to turn the view, scroll to zoom.
 
 bench.replay()

@@ -2,8 +2,7 @@
 Two arms at one table
 =====================
 
-Four blocks are sorted by colour. Both arms work, one after the other, and each is an obstacle for
-the other one.
+Four blocks are sorted by colour. Both arms work in turn, and each is an obstacle for the other.
 """
 
 import matplotlib.pyplot as plt
@@ -20,8 +19,8 @@ for name, place in {
     bench.add_block(name, *place, edge_m=0.04, colour=name.split()[0])
 
 # %%
-# Each task goes to the arm that needs the least time for it. It then goes back beside the table:
-# where it stands, the other arm cannot pass.
+# Each task is given to the arm that needs the least time for it. The arm then withdraws beside the
+# table, because the other arm could not pass it.
 
 tasks = []
 for name, place in {
@@ -36,7 +35,7 @@ for name, place in {
     bench.withdraw("right")
 
 # %%
-# Who did what, and how long it took.
+# The arm that did each task, and the time it took.
 
 figure, axes = plt.subplots(figsize=(7, 2.5), layout="constrained")
 for task in tasks:

@@ -1,22 +1,28 @@
 """Maps of what Baxter can reach: every "yes" has a witness, every "no" a proof."""
 
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.atlas.building import BlockReport, build_reach_map
-from planner.atlas.cell import Cell
-from planner.atlas.contents import ArmContents, count_contents
+from planner.atlas.building import BlockReport, Cost, estimate
 from planner.atlas.positions import PositionGrid
-from planner.atlas.questions.arm_choice import ArmChoice, which_arm
-from planner.atlas.questions.calibrated.carrying_over import CalibratedCells, for_calibrated
-from planner.atlas.questions.calibrated.deviation import TipDeviation
-from planner.atlas.questions.nearest.measure import Keep
-from planner.atlas.questions.nearest.search import NearestPose, nearest_reachable
-from planner.atlas.questions.placing.grid import PlacementGrid
-from planner.atlas.questions.placing.placement import Placement, Placements, PlacementStatus
-from planner.atlas.questions.placing.search import where
-from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
-from planner.atlas.questions.placing.task_file import load_task
-from planner.atlas.questions.pose_answer import PoseAnswer
-from planner.atlas.reach_map import ReachMap
+from planner.atlas.questions.arm_choice import ArmChoice, PoseAnswer, which_arm
+from planner.atlas.questions.calibrated import CalibratedCells, TipDeviation, for_calibrated
+from planner.atlas.questions.nearest import Keep, NearestPose, nearest_reachable
+from planner.atlas.questions.placement import (
+    Placement,
+    PlacementGrid,
+    Placements,
+    PlacementStatus,
+)
+from planner.atlas.questions.placing import where
+from planner.atlas.questions.table_task import TableTask, TableTransfer, Visit
+from planner.atlas.questions.task_file import load_task
+from planner.atlas.reach_map import (
+    ArmContents,
+    Cell,
+    ReachDefinition,
+    ReachMap,
+    build_reach_map,
+    count_contents,
+)
 from planner.atlas.rotations import RotationGrid
 
 __all__ = [
@@ -25,6 +31,7 @@ __all__ = [
     "BlockReport",
     "CalibratedCells",
     "Cell",
+    "Cost",
     "Keep",
     "NearestPose",
     "Placement",
@@ -33,6 +40,7 @@ __all__ = [
     "Placements",
     "PoseAnswer",
     "PositionGrid",
+    "ReachDefinition",
     "ReachMap",
     "RotationGrid",
     "TableTask",
@@ -41,6 +49,7 @@ __all__ = [
     "Visit",
     "build_reach_map",
     "count_contents",
+    "estimate",
     "for_calibrated",
     "load_task",
     "nearest_reachable",

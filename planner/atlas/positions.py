@@ -1,15 +1,15 @@
-"""Positions of a map: a box of points, evenly spaced, that are multiples of the step in base."""
+"""PositionGrid: evenly spaced points in a box, at multiples of the step in base."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.fields import evolve, frozen, integer, scalar
+from baxter_kin.fields import frozen, scalar
 from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.validation import (
     FloatArray,
@@ -19,54 +19,45 @@ from baxter_kin.validation import (
 )
 from planner.errors import AtlasError
 
-MOST_A_SIDE = 10_000
-
-BLOCK_EDGE = 8
-"""Positions along each side of a block, which is what one task computes, of most grids."""
-
-MOST_CELLS_A_BLOCK = 600_000
-"""Positions times rotations: what a worker holds at once."""
-
-LEAST_BLOCKS = 4096
-"""How many there must be of those that are larger than `BLOCK_EDGE`, so that workers share them."""
+MAX_POINTS_PER_SIDE = 10_000
 
 
 @frozen(error=AtlasError, eq=True)
 class PositionGrid:
-    """Points `step_m * (first + (i, j, k))` of base, for i, j, k from zero to below `shape`.
+    """Points `step_m * (first + (i, j, k))` in base, with 0 <= (i, j, k) < `shape`.
 
-    Grids whose steps divide each other share their points.
+    Two grids share points if the step of one divides the other's.
 
     Attributes:
-        step_m: between neighbours.
+        step_m: distance of neighbours.
         first: the lowest point in steps, along x, y and z.
-        shape: how many along x, y and z.
-        block_edge: positions along each side of a block; it does not tell grids apart.
+        shape: number of points along x, y and z.
 
     Raises:
         AtlasError: when the step is not above zero, or a side has no point or more than
-            `MOST_A_SIDE`.
+            `MAX_POINTS_PER_SIDE`.
     """
 
     step_m: float = scalar(above=0.0)
     first: tuple[int, ...]
     shape: tuple[int, ...]
-    block_edge: int = integer(least=1, most=MOST_A_SIDE, default=BLOCK_EDGE, eq=False)
 
     def __attrs_post_init__(self) -> None:
         if len(self.first) != 3 or len(self.shape) != 3:
             raise AtlasError(f"first and shape have three numbers, got {self.first}, {self.shape}")
         for number in self.shape:
-            whole_scalar(number, "points along each side", AtlasError, least=1, most=MOST_A_SIDE)
+            whole_scalar(
+                number, "points along each side", AtlasError, least=1, most=MAX_POINTS_PER_SIDE
+            )
 
     @classmethod
     def within(cls, low_m: ArrayLike, high_m: ArrayLike, step_m: float) -> PositionGrid:
-        """The grid's points in a box, its faces included.
+        """The points in a box, its faces included.
 
         Args:
-            low_m: the corner with the least coordinates, shape (3,), m, in base.
-            high_m: the opposite one.
-            step_m: between neighbours.
+            low_m: the corner with the smallest coordinates, shape (3,), m, in base.
+            high_m: the opposite corner.
+            step_m: distance of neighbours.
 
         Raises:
             AtlasError: when no point lies in the box.
@@ -86,26 +77,11 @@ class PositionGrid:
 
     @classmethod
     def around(cls, robot: Baxter, step_m: float = 0.025) -> PositionGrid:
-        """The smallest such box that holds all positions that a tip of the robot can get to."""
+        """The points in the smallest box that encloses all positions of the robot's tips."""
         boxes = [_reach_box(robot, side) for side in robot.arms]
         low = np.min([box[0] for box in boxes], axis=0)
         high = np.max([box[1] for box in boxes], axis=0)
         return cls.within(low, high, step_m)
-
-    def in_blocks_for(self, rotations: int) -> PositionGrid:
-        """The same grid in blocks as large as a worker may hold them with so many rotations.
-
-        Blocks of many rotations are smaller than `BLOCK_EDGE`; those of few are larger on large
-        grids, so that a map has no more files than it needs.
-        """
-        edge = BLOCK_EDGE
-        while edge > 1 and edge**3 * rotations > MOST_CELLS_A_BLOCK:
-            edge //= 2
-        while (2 * edge) ** 3 * rotations <= MOST_CELLS_A_BLOCK and (
-            len(self) >= LEAST_BLOCKS * (2 * edge) ** 3
-        ):
-            edge *= 2
-        return evolve(self, block_edge=edge)
 
     def __len__(self) -> int:
         return math.prod(self.shape)
@@ -113,28 +89,20 @@ class PositionGrid:
     @property
     def low_m(self) -> FloatArray:
         """The lowest point, shape (3,), m."""
-        return self.step_m * np.array(self.first, dtype=float)
+        return self.point((0, 0, 0))
 
     @property
     def high_m(self) -> FloatArray:
         """The highest point, shape (3,), m."""
-        last: FloatArray = np.array(self.first) + np.array(self.shape) - 1.0
-        return self.step_m * last
+        return self.point([n - 1 for n in self.shape])
 
-    @property
-    def blocks(self) -> tuple[int, ...]:
-        """How many blocks there are along x, y and z."""
-        return tuple(-(-n // self.block_edge) for n in self.shape)
-
-    def block_slices(self, block: tuple[int, ...]) -> tuple[slice, ...]:
-        """The indices of a block's points; blocks at the end may be smaller."""
-        return tuple(
-            slice(b * self.block_edge, min((b + 1) * self.block_edge, n))
-            for b, n in zip(block, self.shape, strict=True)
-        )
+    def point(self, index: Sequence[int]) -> FloatArray:
+        """The point with an index, shape (3,), m, in base."""
+        point: FloatArray = self.step_m * (np.array(self.first) + np.array(index, dtype=float))
+        return point
 
     def points(self, part: tuple[slice, ...] = (slice(None),) * 3) -> FloatArray:
-        """Points of a part, shape (nx, ny, nz, 3), m, in base."""
+        """The points of a part, shape (nx, ny, nz, 3), m, in base."""
         axes = [
             self.step_m * (first + np.arange(n, dtype=float)[piece])
             for first, n, piece in zip(self.first, self.shape, part, strict=True)
@@ -143,15 +111,12 @@ class PositionGrid:
         return points
 
     def nearest(self, p_base: ArrayLike) -> tuple[int, ...] | None:
-        """The index of the point nearest to a position, shape (3,), m; None half a step outside."""
+        """Index of the point nearest to a position, shape (3,), m; None half a step outside."""
         p = finite_array(p_base, (3,), "p_base", AtlasError)
-        at = np.rint(p / self.step_m) - self.first
-        if (at < 0).any() or (at >= self.shape).any():
+        index = np.rint(p / self.step_m) - self.first
+        if (index < 0).any() or (index >= self.shape).any():
             return None
-        return tuple(int(i) for i in at)
-
-    def __iter__(self) -> Iterator[FloatArray]:
-        yield from self.points().reshape(-1, 3)
+        return tuple(int(i) for i in index)
 
     def _facts(self) -> tuple[str, ...]:
         sides = " x ".join(map(str, self.shape))
@@ -159,7 +124,7 @@ class PositionGrid:
 
 
 def _reach_box(robot: Baxter, side: str) -> tuple[FloatArray, FloatArray]:
-    """Corners of a box in base that holds the sphere of the straight arm, wherever s0 turns S."""
+    """Corners of a box in base around the sphere of the straight arm, wherever s0 turns it."""
     linkage = Linkage.of(robot.arm(side))
     reach_m = linkage.upper_span_m + linkage.tip_distance_m(0.0) + linkage.deviation.tip_m
     centre = linkage.T_base_first.translation

@@ -22,9 +22,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -43,7 +42,7 @@ Codes: TypeAlias = NDArray[np.int16]
 Flags: TypeAlias = NDArray[np.bool_]
 
 UNREACHABLE, UNDECIDED, NOT_COMPUTED = -1, -2, -3
-"""What stands in the place of a margin."""
+"""Codes in the place of a margin."""
 
 RAD_PER_STEP = 2.0**-29
 """Of stored witnesses: 1.9e-9 rad, so that 32 bits hold angles up to 4 rad."""
@@ -66,9 +65,8 @@ ENDS_RAD = 1e-8
 _COAXIAL = 1e-9  # how far (m, and of a unit vector) the tool's axis may be from the last joint's
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cells:
-    """What is known of n positions with r rotations each.
+class Cells(NamedTuple):
+    """Results for n positions with r rotations each.
 
     Attributes:
         margins: of the witness to the nearest joint limit, in steps of `RAD_PER_MARGIN`, or
@@ -168,7 +166,7 @@ class ReachSearch:
                 Ts = found.poses(np.repeat(pair, NEAREST), np.repeat(roll, NEAREST))
                 q_found = self._searched(turned[nearest], Ts)
                 margin = np.minimum(q_found - self._q_min, self._q_max - q_found).min(axis=1)
-                is_met = np.flatnonzero(self._are_met(q_found, Ts))
+                is_met = np.flatnonzero(_are_met(self._arm, q_found, Ts))
                 if is_met.size:
                     best = is_met[margin[is_met].argmax()]
                     self._take(found, np.array([pair]), np.array([roll]), q_found[best, None])
@@ -184,22 +182,11 @@ class ReachSearch:
         """Keep configurations, shape (m, 7), that are witnesses as they are stored."""
         if not pairs.size:
             return
-        steps = np.rint(q / RAD_PER_STEP)
-        stored = steps * RAD_PER_STEP
-        limits = self._arm.limits
-        margins = np.minimum(stored - limits.q_min, limits.q_max - stored).min(axis=1)
-        holds = (margins >= 0.0) & self._are_met(stored, found.poses(pairs, rolls))
+        steps, margins = as_stored(self._arm, q, found.poses(pairs, rolls))
+        holds = margins >= 0
         kept = pairs[holds], rolls[holds]
-        found.margins[kept] = np.floor(margins[holds] / RAD_PER_MARGIN)
+        found.margins[kept] = margins[holds]
         found.witnesses[kept[0], :, kept[1]] = steps[holds]
-
-    def _are_met(self, q: FloatArray, Ts: FloatArray) -> Flags:
-        """Where configurations reach poses, by forward kinematics."""
-        reached = self._arm.T_base_tips(q)
-        offset = np.linalg.norm(reached[:, :3, 3] - Ts[:, :3, 3], axis=1)
-        chord = np.linalg.norm(reached[:, :3, :3] - Ts[:, :3, :3], axis=(1, 2))
-        is_turned = chord <= math.sqrt(2.0) * ORIENTATION_TOLERANCE_RAD
-        return np.asarray((offset <= POSITION_TOLERANCE_M) & is_turned)
 
 
 class _Pairs:
@@ -238,6 +225,35 @@ class _Pairs:
         if pairs.size:
             proven = are_proven(self.poses(pairs, rolls))
             self.margins[pairs[proven], rolls[proven]] = UNREACHABLE
+
+
+def as_stored(arm: Arm, q: FloatArray, Ts: FloatArray) -> tuple[FloatArray, Codes]:
+    """Configurations in the steps of a map, and their margins in the steps of a map.
+
+    The margin of one that is not a witness of its pose, as it is stored, is `UNDECIDED`.
+
+    Args:
+        arm: the arm.
+        q: configurations, shape (m, 7), rad.
+        Ts: poses of the tip seen from base, shape (m, 4, 4).
+
+    Returns:
+        Multiples of `RAD_PER_STEP`, shape (m, 7), and of `RAD_PER_MARGIN`, shape (m,).
+    """
+    steps: FloatArray = np.rint(q / RAD_PER_STEP)
+    stored = steps * RAD_PER_STEP
+    margins = np.minimum(stored - arm.limits.q_min, arm.limits.q_max - stored).min(axis=1)
+    holds = (margins >= 0.0) & _are_met(arm, stored, Ts)
+    return steps, np.where(holds, np.floor(margins / RAD_PER_MARGIN), UNDECIDED).astype(np.int16)
+
+
+def _are_met(arm: Arm, q: FloatArray, Ts: FloatArray) -> Flags:
+    """Whether configurations reach poses, by forward kinematics."""
+    reached = arm.T_base_tips(q)
+    offset = np.linalg.norm(reached[:, :3, 3] - Ts[:, :3, 3], axis=1)
+    chord = np.linalg.norm(reached[:, :3, :3] - Ts[:, :3, :3], axis=(1, 2))
+    is_turned = chord <= math.sqrt(2.0) * ORIENTATION_TOLERANCE_RAD
+    return np.asarray((offset <= POSITION_TOLERANCE_M) & is_turned)
 
 
 def is_coaxial(T_last_tip: pin.SE3) -> bool:

@@ -1,7 +1,7 @@
-"""Rotations of a map: directions of the tool's z axis, each with the same rolls about it.
+"""RotationGrid: directions of the tool's z axis, each with the same rolls about it.
 
-Poses that differ by a roll about the last joint's axis have their self-motion in common, so what is
-found for one of them serves all. A list of rotations without such a structure has one roll.
+Poses that differ by a roll about the last joint's axis share their self-motion, so a solution for
+one of them serves all. A list of rotations without this structure has a single roll.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from baxter_kin.validation import FloatArray, finite_array, whole_scalar
 from planner.errors import AtlasError
 
 FINEST_HOPF = 4
-"""294,912 rotations, 3 degrees apart."""
+"""Finest level of a Hopf grid: 294,912 rotations, 3 degrees apart."""
 
 MOST_ROTATIONS = 300_000
-"""Of a map: one position with more does not fit into what a worker may hold."""
+"""Maximum number of rotations of a map: a worker holds those of one position in memory."""
 
 _ORTHONORMAL = 1e-6
 
@@ -33,11 +33,11 @@ class RotationGrid:
     """d directions times k rolls, in this order: rotation i is direction i // k with roll i % k.
 
     Attributes:
-        R_base_tips: the tip at roll zero, one for each direction, shape (d, 3, 3).
+        R_base_tips: the tip at roll zero for each direction, shape (d, 3, 3).
         rolls: angles about the tip's z axis, shape (k,), rad.
 
     Raises:
-        AtlasError: when there is no rotation, more than `MOST_ROTATIONS`, or a matrix is not one.
+        AtlasError: when there is no rotation, more than `MOST_ROTATIONS`, or an invalid matrix.
     """
 
     R_base_tips: FloatArray = array(None, 3, 3)
@@ -51,19 +51,20 @@ class RotationGrid:
             raise AtlasError(
                 f"a map has at most {MOST_ROTATIONS:,} rotations, got {len(Rs) * len(rolls):,}"
             )
-        off = np.abs(Rs @ Rs.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-        if (off > _ORTHONORMAL).any() or (np.linalg.det(Rs) < 0.0).any():
-            bad = int(np.argmax((off > _ORTHONORMAL) | (np.linalg.det(Rs) < 0.0)))
+        error = np.abs(Rs @ Rs.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+        is_bad = (error > _ORTHONORMAL) | (np.linalg.det(Rs) < 0.0)
+        if is_bad.any():
+            bad = int(is_bad.argmax())
             raise AtlasError(f"rotation {bad} is no rotation matrix: {Rs[bad].tolist()}")
 
     @classmethod
     def hopf(cls, level: int = 1) -> RotationGrid:
         """A grid that covers all rotations evenly: 72, 576 or 4608 for levels 0, 1 and 2.
 
-        Directions are the pixel centres of HEALPix (Gorski et al. 2005, section 5) and rolls evenly
-        spaced angles (Yershova, Jain, LaValle and Mitchell 2010, section 4), 60, 30 or 15 degrees
-        apart. The whole grid is turned so that one direction points straight down and its roll zero
-        has the tip's x axis along that of base.
+        Directions are the pixel centres of HEALPix (Gorski et al. 2005, section 5); rolls are
+        60, 30 or 15 degrees apart (Yershova, Jain, LaValle and Mitchell 2010, section 4). The grid
+        is turned so that one direction points straight down, and at its roll zero the tip's x axis
+        is along that of base.
 
         Raises:
             AtlasError: when the level is not a whole number from 0 to `FINEST_HOPF`.
@@ -77,7 +78,7 @@ class RotationGrid:
 
     @classmethod
     def of(cls, rotations: Sequence[ArrayLike]) -> RotationGrid:
-        """The tip's rotations as given, in their order.
+        """Given rotations of the tip, in their order.
 
         Args:
             rotations: matrices, shape (n, 3, 3), as seen from base.
@@ -110,12 +111,22 @@ class RotationGrid:
         return np.array([pin.Quaternion(R).coeffs() for R in self.matrices])
 
     def nearest(self, R_base_tip: ArrayLike) -> int:
-        """The index of the rotation that is the least angle away."""
+        """Index of the nearest rotation."""
         R = finite_array(R_base_tip, (3, 3), "R_base_tip", AtlasError)
-        return int(np.einsum("nij,ij->n", self.matrices, R).argmax())
+        return int(self._traces(R).argmax())
+
+    def angles_rad(self, R_base_tip: FloatArray) -> FloatArray:
+        """Angles of all rotations from one, shape (n,), within 2e-8 rad."""
+        cosines = 0.5 * (self._traces(R_base_tip) - 1.0)
+        angles: FloatArray = np.arccos(cosines.clip(-1.0, 1.0))
+        return angles
+
+    def _traces(self, R: FloatArray) -> FloatArray:
+        traces: FloatArray = np.einsum("nij,ij->n", self.matrices, R)
+        return traces
 
     def expanded(self) -> RotationGrid:
-        """The same rotations in the same order, each as a direction of its own."""
+        """The same rotations in the same order, each as a direction with a single roll."""
         return RotationGrid(self.matrices, np.zeros(1))
 
     def _facts(self) -> tuple[str, ...]:
@@ -131,7 +142,7 @@ def about_z(angles: FloatArray) -> FloatArray:
 
 
 def _rotation(azimuth: FloatArray, polar: FloatArray) -> FloatArray:
-    """About z, then about y: z points to these angles; shape (n, 3, 3)."""
+    """Rotations about z, then about y: z points to these angles; shape (n, 3, 3)."""
     cosine, sine, zero = np.cos(polar), np.sin(polar), np.zeros_like(polar)
     rows = [cosine, zero, sine, zero, zero + 1.0, zero, -sine, zero, cosine]
     tilts: FloatArray = about_z(azimuth) @ np.stack(rows, axis=-1).reshape(-1, 3, 3)
@@ -139,7 +150,7 @@ def _rotation(azimuth: FloatArray, polar: FloatArray) -> FloatArray:
 
 
 def _healpix_centres(sides: int) -> tuple[FloatArray, FloatArray]:
-    """Heights and azimuths of the 12 `sides`^2 pixel centres, ring by ring from the pole down."""
+    """Heights and azimuths of the 12 `sides`^2 pixel centres, ring by ring from the pole."""
     z, azimuth = [], []
     for ring in range(1, 4 * sides):
         cap = min(ring, 4 * sides - ring)

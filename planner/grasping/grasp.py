@@ -20,9 +20,8 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import millimetres
+from baxter_kin.display import millimetres, millimetres_hint
 from baxter_kin.fields import frozen
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere, part_extent_m

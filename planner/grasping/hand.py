@@ -294,6 +294,11 @@ class Hand:
             )
 
 
+def reported_finger_m(percent: float, stroke_m: float) -> float:
+    """Finger position at an opening that a robot reports, which may exceed 0 .. 100 % a little."""
+    return min(max(percent / 100.0, 0.0), 1.0) * stroke_m
+
+
 def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
     """Refuse fingers that do not slide along the closing axis of the gripper frame."""
     model = robot.model

@@ -24,8 +24,8 @@ import ruckig
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
+from baxter_kin.display import degrees_hint
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.hints import degrees_hint
 from baxter_kin.validation import FloatArray, expect, finite_array
 from planner.errors import MotionError, TrajectoryError
 from planner.motion.joint_profile import (

@@ -49,8 +49,8 @@ from baxter_kin.display import seconds, shown_path
 from baxter_kin.errors import FileError
 from baxter_kin.fields import evolve, field, frozen, scalar
 from baxter_kin.files import PathLike, open_to_read, replace_file
-from baxter_kin.json_data import from_json, shown, to_json
-from baxter_kin.json_text import as_lines, from_text
+from baxter_kin.files.json_data import from_json, shown, to_json
+from baxter_kin.files.json_text import as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
 from planner.errors import ResponseError

@@ -15,10 +15,9 @@ import pinocchio as pin
 from attrs import Factory
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import millimetres, position
+from baxter_kin.display import millimetres, millimetres_hint, position
 from baxter_kin.fields import field, frozen, scalar
 from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, IKService, JointLimits
+from baxter_kin.display import millimetres_hint
 from baxter_kin.frames import PoseLike
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.validation import FloatArray, expect, finite_scalar, whole_scalar

@@ -13,11 +13,10 @@ from functools import partial
 
 import pinocchio as pin
 
-from baxter_kin.display import phrase, position
+from baxter_kin.display import millimetres_hint, phrase, position
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import field, frozen
 from baxter_kin.frames import checked_pose, raised
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.errors import TaskError
 from planner.manipulator import Manipulator

@@ -11,10 +11,17 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import MAX_PART, count, listing, position, quoted, shortened
+from baxter_kin.display import (
+    MAX_PART,
+    count,
+    listing,
+    millimetres_hint,
+    position,
+    quoted,
+    shortened,
+)
 from baxter_kin.fields import evolve, field, frozen, mapping, sequence
 from baxter_kin.frames import checked_pose
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
     FloatArray,

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.display import count, quoted, shortened, shown_path
 from baxter_kin.fields import array, field, frozen
-from baxter_kin.validation import FloatArray, Indices, finite_array, finite_rows, float_array
+from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0
@@ -54,7 +54,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def _triangles(given: ArrayLike) -> Indices:
-    numbers = finite_rows(given, 3, "mesh triangles", SceneError)
+    numbers = finite_array(given, (None, 3), "mesh triangles", SceneError)
     if not 1 <= len(numbers) <= MAX_TRIANGLES:
         raise SceneError(f"a mesh has 1 .. {MAX_TRIANGLES} triangles, got {len(numbers)}")
     is_none = (numbers != np.floor(numbers)) | (numbers < 0) | (numbers >= np.iinfo(np.intp).max)

@@ -12,7 +12,7 @@ from typing import Any
 from baxter_kin.display import count, seconds
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import field, field_names, frozen, number_or_nan
-from baxter_kin.json_data import plain_data
+from baxter_kin.files.json_data import plain_data
 from baxter_kin.validation import expect
 from planner.errors import TaskError
 from planner.plan import Plan

@@ -25,7 +25,7 @@ from baxter_kin.command_line import (
     parse,
 )
 from baxter_kin.description import RobotDescription
-from baxter_kin.limits import PRESETS
+from baxter_kin.kinematics.limits import PRESETS
 from planner.certificate.robot import Robot
 from planner.motion.response import Response, load_response
 from planner.plan import Plan

@@ -54,7 +54,8 @@ def verify(
         description: the robot to judge on, such as `robot.description`; the stock robot when not
             given.
         limits: limits to judge by; positions and velocities are also limited by the URDF. When not
-            given, those of the URDF and the toolkit's acceleration and jerk (`baxter_kin.limits`).
+            given, those of the URDF and the toolkit's acceleration and jerk
+            (`baxter_kin.kinematics.limits`).
         response: how a real arm follows its set-points, for checks of all positions that its joints
             may then have; the plan's own when not given, and no such checks where it has none.
         on_another_robot: whether to judge a plan on the given robot although it is for another one

@@ -19,15 +19,14 @@ from baxter_kin.display import clear, count, quoted, seconds, shown_path
 from baxter_kin.errors import FileError, UnknownNameError
 from baxter_kin.fields import array, evolve, frozen, sequence
 from baxter_kin.files import PathLike, replace_file
-from baxter_kin.json_data import to_json
-from baxter_kin.json_text import Json, as_lines
+from baxter_kin.files.json_data import to_json
+from baxter_kin.files.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
     FloatArray,
     expect,
     expect_all,
     finite_array,
-    finite_rows,
     float_array,
 )
 from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
@@ -131,7 +130,7 @@ class PolynomialMotion:
             TrajectoryError: when shapes do not fit, a number is not finite, or the times do not
                 increase from 0.
         """
-        q = finite_rows(q, ARM_JOINTS, "q", TrajectoryError)
+        q = finite_array(q, (None, ARM_JOINTS), "q", TrajectoryError)
         times_s = finite_array(times_s, (len(q),), "times_s", TrajectoryError)
         if len(q) < 2 or not (np.diff(times_s) > 0.0).all():
             raise TrajectoryError("a motion needs at least two points, at increasing times")
@@ -159,7 +158,7 @@ class PolynomialMotion:
         Raises:
             TrajectoryError: when the shape does not fit or a number is not finite.
         """
-        q = finite_rows(q, ARM_JOINTS, "waypoints", TrajectoryError)
+        q = finite_array(q, (None, ARM_JOINTS), "waypoints", TrajectoryError)
         if len(q) < 2:
             raise TrajectoryError("a path needs at least two waypoints")
         derivatives = np.stack([q[:-1], np.diff(q, axis=0)], axis=1)

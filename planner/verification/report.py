@@ -13,7 +13,11 @@ import numpy as np
 
 from baxter_kin import JointLimits
 from baxter_kin.frames import angle_between
-from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, DEFAULT_ORIGINS
+from baxter_kin.kinematics.limits import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    DEFAULT_JERK_RAD_S3,
+    DEFAULT_ORIGINS,
+)
 from baxter_kin.validation import FloatArray
 from planner.certificate.checking import Certified
 from planner.certificate.intervals import Interval
@@ -48,7 +52,7 @@ def robot_limits(
     """Limits of an arm: positions and velocities of the URDF.
 
     The robot states no acceleration or jerk, so these are the toolkit's named defaults
-    (`baxter_kin.limits`), or the given ones for all joints.
+    (`baxter_kin.kinematics.limits`), or the given ones for all joints.
     """
     given = {"acceleration": acceleration, "jerk": jerk}
     said = {name: "the caller" for name, value in given.items() if value is not None}

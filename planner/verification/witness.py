@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.description import RobotDescription
-from baxter_kin.json_text import Json
+from baxter_kin.files.json_text import Json
 from baxter_kin.validation import expect
 from planner.certificate.body import Body
 from planner.certificate.checking import Witness, check

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from body.convex import Mesh, around, clipped
 from body.meshes import triangles
+from body.pieces import Mesh, around, clipped
 
 F = NDArray[np.float64]
 Box = tuple[tuple[float, ...], tuple[float, ...]]

@@ -1,4 +1,4 @@
-"""Rethink's meshes as the files have them, and where the URDF puts them.
+"""Rethink's meshes, where the URDF puts them, and how far triangles are from others.
 
 The files are read with pycollada. Pinocchio's reader (through Coal and Assimp) keeps the vertices
 but joins the wrong ones wherever a file has several sub-meshes: 10 to 30 % of the triangles of E0,
@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import collada
+import igl
 import numpy as np
+import pinocchio as pin
 from collada.common import DaeBrokenRefError, DaeUnsupportedError
 from collada.triangleset import BoundTriangleSet
 from numpy.typing import NDArray
@@ -38,7 +40,7 @@ class Placed(NamedTuple):
 
 
 IN_PLACE_OF = {"extended_wide": "extended_narrow"}
-"""Meshes of what may be mounted on a gripper, and of what on the stock robot instead."""
+"""Meshes that may be mounted on a gripper, and the stock robot's in their place."""
 
 
 @cache
@@ -64,9 +66,9 @@ def triangles(mesh: str) -> F:
 
 
 def placed_shapes() -> Iterator[Placed]:
-    """Every shape that is part of the robot: visuals, and collision shapes of links without.
+    """Every shape of the robot: visuals, and collision shapes of links without visuals.
 
-    Then what may be mounted instead, on both fingers of a hand; see `RobotBody.links` for its name.
+    Then alternatives that may be mounted on both fingers of a hand, named as in `RobotBody.links`.
     """
     shapes = list(_shapes_of_the_urdf())
     yield from shapes
@@ -93,7 +95,7 @@ def _placed(link: str, shape: ET.Element) -> Placed:
         raise SystemExit(f"{link}: a shape without origin or geometry")
     kind = geometry[0]
     p = np.array((origin.get("xyz") or "0 0 0").split(), dtype=float)
-    R = _rotation(*(float(a) for a in (origin.get("rpy") or "0 0 0").split()))
+    R = pin.rpy.rpyToMatrix(*(float(a) for a in (origin.get("rpy") or "0 0 0").split()))
     if kind.tag == "mesh":
         return Placed(link, Path(kind.get("filename", "")).stem, ("", ()), R, p)
     sizes = ("size",) if kind.tag == "box" else ("radius", "length")
@@ -101,10 +103,53 @@ def _placed(link: str, shape: ET.Element) -> Placed:
     return Placed(link, "", (kind.tag, numbers), R, p)
 
 
-def _rotation(roll: float, pitch: float, yaw: float) -> F:
-    """URDF's fixed-axis angles as a rotation matrix."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(Rz @ Ry @ Rx)
+def samples(soup: F, spacing: float) -> F:
+    """Points on triangles (n, 3, 3), corners included, about `spacing` apart."""
+    return samples_of(soup, spacing)[0]
+
+
+def samples_of(soup: F, spacing: float) -> tuple[F, NDArray[np.int64]]:
+    """The same points, and the index of the triangle of each.
+
+    Triangles are halved until no edge is longer; so there are few points on narrow ones.
+    """
+    pieces, owners = divided(soup, spacing)
+    points = np.concatenate([soup.reshape(-1, 3), pieces.mean(axis=1)])
+    return points, np.concatenate([np.repeat(np.arange(len(soup)), 3), owners])
+
+
+def divided(soup: F, longest: float) -> tuple[F, NDArray[np.int64]]:
+    """Triangles halved until no edge is longer, and the index of the original of each."""
+    owners, pieces, numbers = np.arange(len(soup)), [], []
+    while len(soup):
+        is_done = longest_edges(soup) <= longest
+        pieces.append(soup[is_done])
+        numbers.append(owners[is_done])
+        soup, owners = halved(soup[~is_done]), np.tile(owners[~is_done], 2)
+    return np.concatenate(pieces), np.concatenate(numbers)
+
+
+def halved(soup: F) -> F:
+    """Each triangle cut in two across its longest edge: first all first halves."""
+    turned = (np.arange(3) + _edges(soup).argmax(axis=1)[:, None]) % 3
+    a, b, c = np.take_along_axis(soup, turned[:, :, None], axis=1).swapaxes(0, 1)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def longest_edges(soup: F) -> F:
+    """Longest edge of each triangle."""
+    return np.asarray(_edges(soup).max(axis=1))
+
+
+def _edges(soup: F) -> F:
+    """The length of each edge, from each corner on, shape (n, 3)."""
+    return np.asarray(np.linalg.norm(soup - np.roll(soup, -1, axis=1), axis=2))
+
+
+def distances(points: F, soup: F) -> F:
+    """The distance of each point to the nearest triangle."""
+    corners = np.ascontiguousarray(soup.reshape(-1, 3))
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    squared = igl.point_mesh_squared_distance(np.ascontiguousarray(points), corners, faces)[0]
+    return np.asarray(np.sqrt(squared))

@@ -15,7 +15,7 @@ import pymeshlab
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from body.measuring import distances, divided, halved, longest_edges, samples_of
+from body.meshes import distances, divided, halved, longest_edges, samples_of
 
 F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]
@@ -27,14 +27,14 @@ CLOSE_ENOUGH = 0.1
 """The search for a closed surface ends when the next step would save less than this share."""
 
 NEIGHBOURHOOD, FEW, MANY = 5.0, 3, 60
-"""Fewer triangles are cut into pieces of that size, mm, and so many of these around a point are
-asked whether a triangle is near them; of smaller ones, more."""
+"""Size of the pieces (mm) into which the thinned triangles are cut, and numbers of nearest pieces
+that are tested for large and for small triangles."""
 
 LEAST = 0.05
-"""What is not shown to be near when its edges are shorter, mm, counts as far."""
+"""Triangles with shorter edges (mm) that are not proven to be near count as far."""
 
 SHARES = 0.75 ** np.arange(1, 11)
-"""Of the triangles, that are tried."""
+"""Shares of the triangles that are tried."""
 
 
 def thinned(soup: F, deviation: float, margin: float, spacing: float) -> Mesh:

@@ -1,1 +1,1 @@
-"""What `scripts/fuzz.py` calls, with what, and what it counts as a fault."""
+"""What `scripts/fuzz.py` calls, and with which values."""

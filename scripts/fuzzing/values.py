@@ -1,216 +1,438 @@
-"""Valid values: what a parameter may be given, by its name and its annotation."""
+"""Valid values for the parameters of everything public, and hostile ones, as strategies.
+
+An object of a public class is built from valid values of its required fields. `LASTING` and
+`CHANGING` construct objects whose parts must be consistent; `NAMED`, `PATTERNS` and `ANNOTATIONS`
+give all other values, by the name of a parameter or by its annotation.
+"""
 
 from __future__ import annotations
 
+import functools  # noqa: F401 - for `HOSTILE`
 import inspect
+import itertools  # noqa: F401 - the same
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from enum import Enum
+from pathlib import Path  # noqa: F401 - the same
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from hypothesis import strategies as st
 
-from fuzzing.stage import BODY, Stage
-from fuzzing.targets import Target
-from planner import make_block
+import planner as p
+import sim as s
+from baxter_kin import Baxter, ElectricGripper, IKService, ik
+from baxter_kin.ik.tolerance import Task
+from fuzzing.targets import CONSTRUCTIBLE, Target
+from planner.verification import Relation
+from sim.ros1.definitions import message_type
+from sim.samples import Sample
 
-Make = Callable[[Stage], Any]
+Strategy = st.SearchStrategy[Any]
 
+LONG = 100_000
+"""Length of the strings that no message should repeat."""
 
-def _constant(value: Any) -> Make:
-    return lambda _: value
-
-
-def _of(kind: str) -> Make:
-    return lambda stage: stage[kind]
-
-
-def _seven(stage: Stage) -> Any:
-    return np.array(stage["q"])
-
-
-def _full(stage: Stage) -> Any:
-    return np.array(stage["Baxter"].configuration())
+FILLER = "x"
+TABLE_Z_M = -0.155
+BODY = "block"
 
 
-def _two(stage: Stage) -> Any:
-    """The configuration of the left arm, twice."""
-    return np.tile(_seven(stage), (2, 1))
+class Stranger:
+    """A class unknown to the toolkit."""
 
 
-BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
+HOSTILE = tuple(
+    r"""
+None
+5
+-1
+0
+0.5
+nan
+inf
+-inf
+1e308
+1e-308
+10**12
+10**400
+True
+1j
+""
+"x"
+"0.1"
+"\ud800"
+"a\0b"
+FILLER * LONG
+b"x"
+FILLER.encode() * LONG
+()
+[]
+{}
+set()
+{"a": 1}
+{5: None}
+[None]
+["a", "b"]
+[[1, 2], [3]]
+functools.reduce(lambda inner, _: [inner], range(100), [])
+[1.0] * 7
+["1"] * 7
+[10**400] * 7
+(x for x in [1.0, 2.0])
+itertools.count()
+itertools.repeat(pin.SE3.Identity())
+range(10**12)
+np.zeros(0)
+np.zeros(3)
+np.zeros(7)
+np.zeros((2, 7))
+np.zeros((0, 7))
+np.zeros((3, 3))
+np.zeros((4, 4))
+np.zeros(LONG)
+np.full(7, nan)
+np.full(7, inf)
+np.full(7, 1e308)
+np.ma.array(np.zeros(7), mask=[True] + [False] * 6)
+np.array([None, "a", 1.0], dtype=object)
+np.zeros(7, dtype=np.complex128)
+np.ones(7, dtype=np.bool_)
+np.array(["a"] * 7)
+np.array(["2020-01-01"] * 7, dtype="datetime64[D]")
+np.zeros(7, dtype=np.int8)
+pin.SE3(np.eye(3), np.array([nan, 0.0, 0.0]))
+pin.SE3(np.eye(3), np.array([1e308, 0.0, 0.0]))
+pin.SE3(np.diag([-1.0, 1.0, 1.0]), np.zeros(3))
+pin.SE3(np.zeros((3, 3)), np.zeros(3))
+pin.SE3(np.eye(3) + np.diag([1.0, 0.0], k=1), np.zeros(3))
+Stranger()
+Stranger
+lambda *_: None
+Path()
+""".strip().splitlines()
+)
+"""Python expressions; a report shows them as they are."""
+
+
+def hostile(expression: str) -> Any:
+    """The value of an expression in `HOSTILE`."""
+    return eval(expression, {**globals(), "nan": np.nan, "inf": np.inf})
+
+
+# Objects whose parts must be consistent
+
+
+def _recording() -> s.Recording:
+    recorder, world = s.Recorder(one("Baxter")), s.World(one("Baxter"))
+    simulation = s.Simulation(world, [recorder])
+    recorder.remember(one("Scene"))
+    for body in one("Scene"):
+        simulation.spawn(body)
+    simulation.execute(one("Plan"))
+    return recorder.recording()
+
+
+def _snapshot() -> s.Snapshot:
+    seen: list[s.Snapshot] = []
+
+    class Eye(s.Observer):
+        def on_snapshot(self, snapshot: s.Snapshot) -> None:
+            seen.append(snapshot)
+
+    s.play_back(one("Recording"), Eye())
+    return seen[-1]
+
+
+def _scene() -> p.Scene:
+    T = pin.SE3(np.eye(3), np.array([0.8, 0.0, TABLE_Z_M - 0.01]))
+    table = p.Body("table", (p.Part(p.Box((0.6, 1.0, 0.02)), pin.SE3.Identity()),), T)
+    return p.Scene.of([table, one("Body")])
+
+
+def _world() -> s.World:
+    world = s.World(one("Baxter"))
+    for body in one("Scene"):
+        world.spawn(body)
+    return world
+
+
+def _sample() -> Sample:
+    flags = {"is_enabled": True, "is_stopped": False, "has_error": False}
+    return Sample(0.0, "left", *[np.array(one("q"))] * 3, np.zeros(7), 0.0, 0.0, **flags)
+
+
+LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
     {
-        "Arm.side": _constant("left"),
-        "Baxter.indices.names": _constant(("left_s0",)),
-        "Certificate.__getitem__.name": _constant("limit"),
-        "certify.motion": lambda stage: stage["PolynomialMotion"],
-        "PolynomialMotion.of_coefficients.coefficients": lambda stage: (
-            stage["PolynomialMotion"].derivatives
+        "Baxter": Baxter.load,
+        "Arm": lambda: one("Baxter").arm("left"),
+        "Model": lambda: one("Baxter").model,
+        "RobotDescription": lambda: one("Baxter").description,
+        "q": lambda: one("Arm").neutral,
+        "SE3": lambda: one("Arm").T_base_tip(one("q")),
+        "ElectricGripper": lambda: ElectricGripper(slot=3),
+        "Tool": lambda: p.tool_of(
+            p.make_block("probe", pin.SE3.Identity()),
+            pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])),
         ),
-        "PolynomialMotion.of_coefficients.knots_s": _constant((0.0, 1.0)),
-        "PolynomialMotion.through.times_s": _constant((0.0, 1.0)),
-        "PolynomialMotion.through.q": _two,
-        "PolynomialMotion.through.v": _two,
-        "PolynomialMotion.through.a": _two,
-        "PolynomialMotion.waypoints.q": _two,
-        "ClearanceChecker.clearance.q": _full,
-        "ClearanceChecker.configuration.q": _full,
-        "Manipulator.q_others": _full,
-        "Manipulator.of.q_others": _full,
-        "Manipulator.configurations.qs": lambda stage: _seven(stage)[None],
-        "Snapshot.q": _full,
-        "prove_clear.q": _full,
-        "load_object.kind": _constant("table"),
-        "costs.q": lambda stage: _seven(stage)[None],
-        "about.axis": _constant("z"),
-        "pose_from_quaternion.quat_xyzw": _constant((0.0, 0.0, 0.0, 1.0)),
-        "JointLimits.names": lambda stage: stage["JointLimits"].names,
-        "joint_names": lambda stage: stage["Arm"].joint_names,
-        "Mesh.vertices": lambda stage: stage["Mesh"].vertices,
-        "Mesh.triangles": lambda stage: stage["Mesh"].triangles,
-        "CollisionContext.with_margin.ends": _seven,
-        "CollisionContext.obstacles.resting": lambda stage: _seven(stage)[None],
-        "pose_from_quaternion.position_m": _constant((0.7, 0.0, 0.1)),
-        "Box.size_m": _constant((0.1, 0.2, 0.3)),
-        "Tolerance.position_m": _constant((0.0, 0.01, 0.0)),
-        "Tolerance.rotation_rad": _constant((0.0, 0.01, 0.0)),
-        "Certificate.subject": _constant(None),
-        "Scene.of.bodies": lambda stage: list(stage["Scene"]),
-        "Part.rgba": _constant((1.0, 0.0, 0.0, 1.0)),
-        "Baxter.load.urdf": lambda stage: stage["RobotDescription"].text,
-        "hands": lambda stage: {"right": stage["ElectricGripper"]},
-        "ElectricGripper.fingers": _constant("wide"),
-        "ElectricGripper.tips": _constant("half_round"),
-        "ElectricGripper.slot": _constant(3),
-        "ElectricGripper.of.text": _constant("narrow-3"),
-        "Tool.shapes": lambda stage: stage["Tool"].shapes,
-        "Tool.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
-        "Plan.robot": lambda stage: stage["Plan"].robot,
-        "tool_of.body": lambda _: make_block("probe", pin.SE3.Identity()),
-        "tool_of.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
-        "CollisionContext.q_others": lambda stage: stage["Baxter"].configuration(),
-        "RobotShapes.index": _constant(0),
-        "make_block.colour": _constant("red"),
-        "make_block.edge_m": _constant(0.05),
-        "plan_free_move.is_clear": _constant(lambda _: True),
-        "plan_free_move.timeout_s": _constant(0.2),
-        "ClosedLoop.plan": lambda stage: lambda *_: stage["Plan"],
-        "ClosedLoop.retries": _constant(0),
-        "Simulation.wait.duration_s": _constant(0.05),
-        "Simulation.tick_s": _constant(0.01),
-        "solve_batch.progress": _constant(lambda _: None),
-        "solutions.starts": _constant(4),
-        "sample_solutions.turns": _constant(8),
-        "step_rad": _constant(0.1),
-        "speed_ratio": _constant(0.5),
-        "T_base_tips": lambda stage: [stage["SE3"]] * 2,
-        "seeds": lambda stage: [_seven(stage), None],
-        "candidates": lambda stage: [_seven(stage)],
-        "task": _of("PickAndPlace"),
+        "IKService": lambda: IKService(one("Arm")),
+        "IKResult": lambda: one("IKService").solve(one("SE3")),
+        "JointLimits": lambda: one("Arm").limits,
+        "Program": lambda: ik.Program.of(one("Arm")),
+        "Tolerance": lambda: ik.Tolerance.about("z"),
+        "Task": lambda: Task.of(one("Arm"), one("Tolerance")),
+        "SelfMotion": lambda: ik.trace_self_motion(one("Arm"), one("q"), step_rad=0.1),
+        "RobotBody": p.RobotBody.load,
+        "RobotShapes": lambda: p.RobotShapes(one("Baxter")),
+        "Manipulator": lambda: p.Manipulator.of(one("Baxter"), "left"),
+        "Hand": lambda: one("Manipulator").hand,
+        "Box": lambda: p.Box((0.1, 0.1, 0.1)),
+        "Mesh": lambda: p.Mesh(
+            np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]),
+            [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        ),
+        "Body": lambda: p.make_block(
+            BODY, pin.SE3(np.eye(3), np.array([0.7, 0.15, TABLE_Z_M + 0.02])), edge_m=0.04
+        ),
+        "Scene": _scene,
+        "Attachment": lambda: p.Attachment(BODY, "right_gripper", pin.SE3.Identity()),
+        "State": lambda: p.State.of(one("Manipulator"), one("Scene")),
+        "T_grasp": lambda: p.overhead_grasp(one("Hand"), one("Body")),
+        "Grasp": lambda: one("Hand").close_on(one("T_grasp"), one("Body"), one("Hand").stroke_m),
+        "Trajectory": lambda: p.plan_joint_move(one("q"), one("q") + 0.1, one("JointLimits")),
+        "StraightLine": lambda: p.StraightLine(
+            one("SE3"), pin.SE3(one("SE3").rotation, one("SE3").translation + 0.05 * np.eye(3)[2])
+        ),
+        "Response": lambda: p.Response((0.35, 0.45), 0.001, 0.3),
+        "TrackingProof": lambda: p.TrackingProof(
+            one("Response"), (), 0.0, 0.04, 0.02, np.zeros(7), 0.3
+        ),
+        "MessageType": lambda: message_type("std_msgs/String"),
+        "CollisionContext": lambda: one("Manipulator").context(one("Scene"), finger_m=0.01),
+        "Plan": lambda: p.Plan(
+            one("State"),
+            (p.Move("move", one("Trajectory")), p.Grip("open", p.GripperAction.OPEN)),
+        ),
+        "PickAndPlace": lambda: p.PickAndPlace(BODY, one("T_grasp"), one("T_grasp")),
+        "Transfer": lambda: s.Transfer(
+            BODY,
+            one("Body").T_base_body.inverse() * one("T_grasp"),
+            one("Body").T_base_body,
+        ),
+        "Relation": lambda: Relation.AT_MOST,
+        "Certificate": lambda: p.verify(one("Plan")),
+        "PolynomialMotion": lambda: p.PolynomialMotion.through(
+            (0.0, 1.0), [one("q"), one("q") + 0.01], joint_names=one("Arm").joint_names
+        ),
+        "MotionCertificate": lambda: p.certify(one("PolynomialMotion"), "left", one("State")),
+        "Contact": lambda: p.Contact.of_supports(BODY, frozenset({"table"}))[0],
+        "Recording": _recording,
+        "Commands": lambda: s.recording.Commands(
+            one("Recording").times_s, *[one("Recording").motion("left").q] * 2
+        ),
+        "Sample": _sample,
+        "ArmMotion": lambda: one("Recording").motion("left"),
+        "Snapshot": _snapshot,
+    }
+)
+"""Immutable objects by the name of their class; made once per process."""
+
+CHANGING: Mapping[str, Callable[[], Any]] = MappingProxyType(
+    {
+        "Generator": lambda: np.random.default_rng(0),
+        "World": _world,
+        "Simulation": lambda: s.Simulation(one("World")),
+        "Workbench": lambda: s.Workbench(one("Baxter")),
+        "PlanCsvFile": lambda: s.recording.PlanCsvFile("csv"),
+        "ClosedLoop": lambda: s.ClosedLoop(
+            one("Simulation"), one("Manipulator"), s.TruePoses(one("World")), retries=0
+        ),
+        "TipTarget": lambda: s.TipTarget(one("Viewer"), one("Baxter"), "left"),
+    }
+)
+"""Mutable objects; made anew for each target, so that its calls are reproducible."""
+
+_made: dict[str, Any] = {}
+
+
+def one(kind: str) -> Any:
+    """The object of that name in `LASTING` or `CHANGING`; a viewer that is open."""
+    if kind == "Viewer":  # starting one takes long
+        if "closed" in repr(_made.get(kind, "closed")):
+            _made[kind] = s.Viewer(one("Baxter"))
+    elif kind not in _made:
+        _made[kind] = {**LASTING, **CHANGING}[kind]()
+    return _made[kind]
+
+
+def forget() -> None:
+    """Discard the mutable objects."""
+    for kind in CHANGING:
+        _made.pop(kind, None)
+
+
+# Valid values
+
+
+def _given(value: Any) -> Strategy:
+    return st.just(value)
+
+
+def _of(kind: str) -> Strategy:
+    return st.deferred(lambda: objects(kind))
+
+
+def _made_by(make: Callable[[], Any]) -> Strategy:
+    return st.builds(make)
+
+
+_seven = _made_by(lambda: np.array(one("q")))
+_one_row = _made_by(lambda: np.array(one("q"))[None])
+_two_rows = _made_by(lambda: np.tile(one("q"), (2, 1)))
+_all_joints = _made_by(lambda: np.array(one("Baxter").configuration()))
+_seconds = _given((0.0, 1.0))
+
+NAMED: Mapping[str, Strategy] = MappingProxyType(
+    {
+        "indices.names": _given(("left_s0",)),
+        "Certificate.__getitem__.name": _given("limit"),
+        "certify.motion": _of("PolynomialMotion"),
+        "of_coefficients.coefficients": _made_by(lambda: one("PolynomialMotion").derivatives),
+        "of_coefficients.knots_s": _seconds,
+        "through.times_s": _seconds,
+        **{f"PolynomialMotion.through.{name}": _two_rows for name in "qva"},
+        "PolynomialMotion.waypoints.q": _two_rows,
+        "ClearanceChecker.clearance.q": _all_joints,
+        "ClearanceChecker.configuration.q": _all_joints,
+        "q_others": _all_joints,
+        "configurations.qs": _one_row,
+        "Snapshot.q": _all_joints,
+        "prove_clear.q": _all_joints,
+        "load_object.kind": _given("table"),
+        "costs.q": _one_row,
+        "about.axis": _given("z"),
+        "pose_from_quaternion.quat_xyzw": _given((0.0, 0.0, 0.0, 1.0)),
+        "pose_from_quaternion.position_m": _given((0.7, 0.0, 0.1)),
+        "joint_names": _made_by(lambda: one("Arm").joint_names),
+        "Commands.times_s": _made_by(lambda: one("Commands").times_s),
+        "with_margin.ends": _seven,
+        "obstacles.resting": _one_row,
+        "Tolerance.position_m": _given((0.0, 0.01, 0.0)),
+        "Tolerance.rotation_rad": _given((0.0, 0.01, 0.0)),
+        "Scene.of.bodies": _made_by(lambda: list(one("Scene"))),
+        "Part.rgba": _given((1.0, 0.0, 0.0, 1.0)),
+        "Baxter.load.urdf": _made_by(lambda: one("RobotDescription").text),
+        "hands": _made_by(lambda: {"right": one("ElectricGripper")}),
+        "ElectricGripper.of.text": _given("narrow-3"),
+        "tool_of.body": _made_by(lambda: p.make_block("probe", pin.SE3.Identity())),
+        "tool_of.T_hand_tip": _made_by(lambda: one("Tool").T_hand_tip),
+        "RobotShapes.index": _given(0),
+        "make_block.colour": _given("red"),
+        "make_block.edge_m": _given(0.05),
+        "is_clear": _given(lambda _: True),
+        "plan_free_move.timeout_s": _given(0.2),
+        "ClosedLoop.plan": _made_by(lambda: lambda *_: one("Plan")),
+        "retries": _given(0),
+        "Simulation.wait.duration_s": _given(0.05),
+        "tick_s": _given(0.01),
+        "progress": _given(lambda _: None),
+        "solutions.starts": _given(4),
+        "sample_solutions.turns": _given(8),
+        "step_rad": _given(0.1),
+        "speed_ratio": _given(0.5),
+        "T_base_tips": _made_by(lambda: [one("SE3")] * 2),
+        "seeds": _made_by(lambda: [np.array(one("q")), None]),
+        "candidates": _made_by(lambda: [np.array(one("q"))]),
         "of_task.task": _of("Task"),
-        "starts": lambda stage: {stage["SeedType"]: 3},
-        "tolerance": _constant(0.01),
-        "solve.tolerance": _of("Tolerance"),
-        "solve_batch.tolerance": _of("Tolerance"),
+        "task": _of("PickAndPlace"),
+        "TaskResult.task": _given("a task"),
+        "starts": _made_by(lambda: {ik.SeedType.USER: 3}),
+        "tolerance": _given(0.01),
+        **{f"{name}.tolerance": _of("Tolerance") for name in ("solve", "solve_batch")},
         "solve_stream.tolerance": _of("Tolerance"),
         "objective": _of("FarthestFromLimits"),
-        "Program.objective": lambda stage: stage["Program"].objective,
-        "Program.q": lambda stage: stage["Program"].q,
-        "Program.parameters": lambda stage: stage["Program"].parameters,
-        "Program.pose_error": lambda stage: stage["Program"].pose_error,
-        "knots_s": _constant([0.0]),
-        "Trajectory.q": lambda stage: _seven(stage)[None],
-        "Trajectory.v": lambda _: np.zeros((1, 7)),
-        "Trajectory.a": lambda _: np.zeros((1, 7)),
-        "Trajectory.j": lambda _: np.zeros((0, 7)),
-        "joints": lambda stage: dict(stage["State"].joints),
+        "knots_s": _given([0.0]),
         "Arm.configuration.joints": _seven,
-        "links": lambda stage: stage["RobotBody"].links,
-        "skipped_pairs": lambda stage: stage["RobotBody"].skipped_pairs,
-        "bodies": lambda stage: dict(stage["Scene"].bodies),
-        "arms": lambda stage: stage["Baxter"].arms,
-        "observers": lambda stage: [stage["Observer"]],
-        "grippers": lambda stage: stage["Snapshot"].grippers,
-        "T_base_bodies": lambda stage: stage["Snapshot"].T_base_bodies,
-        "path": lambda stage: stage.file("some.file"),
-        "file": lambda stage: stage.file("some.file"),
+        "observers": st.lists(_of("Observer"), max_size=1),
+        "path": _given("some.file"),
+        "file": _given("some.file"),
         "source": _of("TruePoses"),
         "space": _of("CollisionContext"),
         "shape": _of("Box"),
-        "steps": lambda stage: stage["Plan"].steps,
-        "Certificate.steps": _constant(1),
-        "straight": _constant(()),
-        "limits": _of("JointLimits"),
-        "Certificate.limits": _constant("no limits"),
         "mode": _of("SeedMode"),
         "ik": _of("IKService"),
         "Move.ik": _of("IKResult"),
         "PlanFailure.ik": _of("IKResult"),
-        "rng": _of("Generator"),
         "step": _of("Move"),
         "detail": _of("Rest"),
+        "Rest.supports": _given(("table",)),
+        "say": _given(lambda _: None),
+        "ends": st.tuples(*[_of("CurveEnd")] * 2),
     }
 )
-"""By the parameter's name, where need be with that of the target; the longest that fits counts."""
+"""By the parameter's name, qualified by its target where necessary; the longest match counts."""
 
-TAKEN_FROM = MappingProxyType(
-    {
-        "baxter_kin.ik.SelfMotion": "SelfMotion",
-        "planner.Hand": "Hand",
-        "planner.MotionCertificate": "MotionCertificate",
-        "planner.PolynomialMotion": "PolynomialMotion",
-        "sim.recording.ArmMotion": "ArmMotion",
-        "sim.Recording": "Recording",
-        "sim.recording.Commands": "Commands",
-        "baxter_kin.JointLimits": "JointLimits",
-    }
-)
-"""Constructors whose arguments are what an object of the class has."""
-
-BY_PATTERN: tuple[tuple[str, Make], ...] = (
-    (r"^(side|limb)$", _constant("left")),
-    (r"^T_", _of("SE3")),
-    (r"^T$", _of("SE3")),
+PATTERNS: tuple[tuple[str, Strategy], ...] = (
+    (r"^(side|limb|arm)$", _given("left")),
+    (r"^T(_|$)", _of("SE3")),
     (r"^(q|q_\w+|seed|current)$", _seven),
-    (r"^(v|a)_(start|goal)$", lambda _: np.zeros(7)),
-    (r"^(name|body|touchable|wanted)$", _constant(BODY)),
-    (r"^(direction|axis_base)", _constant((0.0, 1.0, 0.0))),
-    (r"^(times_s|t|s)$", _constant(0.0)),
-    (r"_(m|s|rad)$", _constant(0.01)),
+    (r"^(v|a)_(start|goal)$", _given(np.zeros(7))),
+    (r"^(name|body|touchable|wanted)$", _given(BODY)),
+    (r"^(direction|axis_base)", _given((0.0, 1.0, 0.0))),
+    (r"^(times_s|t|s)$", _given(0.0)),
+    (r"_(m|s|rad)$", st.sampled_from((0.01, 0.03))),
 )
 
-BY_ANNOTATION: tuple[tuple[str, Make], ...] = (
-    (r"^(tuple|Sequence|Iterable|Collection)\b", _constant(())),
-    (r"\bbool\b", _constant(False)),
-    (r"\bint\b", _constant(1)),
-    (r"\bfloat\b", _constant(0.1)),
-    (r"^bytes$", _constant(b"\0\0\0\0")),
-    (r"\bstr\b", _constant("a text")),
-    (r"\bMapping\b", lambda _: {}),
+ANNOTATIONS: tuple[tuple[str, Strategy], ...] = (
+    (r"^(tuple|Sequence|Iterable|Collection)\b", _given(())),
+    (r"\bbool\b", st.booleans()),
+    (r"\bint\b", st.integers(1, 2)),
+    (r"\bfloat\b", st.sampled_from((0.1, 0.2))),
+    (r"^bytes$", _given(b"\0\0\0\0")),
+    (r"\bstr\b", st.sampled_from(("a text", "another"))),
+    (r"\bMapping\b", _given({})),
     (r"\bFloatArray\b|\bArrayLike\b", _seven),
-    (r"\bobject\b", _constant(None)),
-    (r"\bSE3\b", lambda _: pin.SE3.Identity()),
+    (r"\bobject\b", _given(None)),
+    (r"\bPoseLike\b|\bSE3\b", _of("SE3")),
 )
 
 
-def valid_value(target: Target, parameter: inspect.Parameter, stage: Stage) -> Any:
-    """A value that the parameter allows."""
-    if target.name in TAKEN_FROM:
-        return getattr(stage[TAKEN_FROM[target.name]], parameter.name)
-    full = f"{target.name}.{parameter.name}"
-    fitting = [key for key in BY_PARAMETER if full.endswith(f".{key}")]
-    annotation = str(parameter.annotation)
-    classes = [word for word in re.findall(r"\w+", annotation) if word in stage]
-    if classes and not any("." in key for key in fitting) and parameter.name not in BY_PARAMETER:
-        value = stage[classes[0]]
-        return (value,) if annotation.startswith(("tuple", "Sequence", "Iterable")) else value
+def objects(kind: str) -> Strategy:
+    """Valid objects of a class, by its name."""
+    if kind in {"Viewer", *LASTING, *CHANGING}:
+        return st.builds(one, st.just(kind))
+    cls = CONSTRUCTIBLE[kind]
+    if issubclass(cls, Enum):
+        return st.sampled_from(cls)
+    parameters = inspect.signature(cls).parameters.values()
+    needed = [each for each in parameters if each.default is each.empty]
+    return st.builds(cls, **{each.name: valid(f".{kind}", each) for each in needed})
+
+
+def valid(target: str, parameter: inspect.Parameter) -> Strategy:
+    """Valid values of a parameter."""
+    kind, annotation = target.rpartition(".")[2], str(parameter.annotation)
+    if kind in LASTING and hasattr(one(kind), parameter.name):
+        return st.builds(lambda: getattr(one(kind), parameter.name))
+    full = f"{target}.{parameter.name}"
+    fitting = [key for key in NAMED if full.endswith(f".{key}")]
     if fitting:
-        return BY_PARAMETER[max(fitting, key=len)](stage)
-    for pattern, make in BY_PATTERN:
+        return NAMED[max(fitting, key=len)]
+    for word in re.findall(r"\w+", annotation):
+        if word in LASTING or word in CHANGING or word in CONSTRUCTIBLE:
+            is_many = annotation.startswith(("tuple", "Sequence", "Iterable"))
+            return st.tuples(objects(word)) if is_many else objects(word)
+    for pattern, found in PATTERNS:
         if re.search(pattern, parameter.name):
-            return make(stage)
-    for pattern, make in BY_ANNOTATION:
+            return found
+    for pattern, found in ANNOTATIONS:
         if re.search(pattern, annotation):
-            return make(stage)
+            return found
     raise LookupError(f"no valid value is known for {full}: {annotation}")
+
+
+def receivers(target: Target) -> Strategy:
+    """Objects on which a method or property is called."""
+    return st.none() if target.owner is None else objects(target.owner.__name__)

@@ -1,7 +1,7 @@
-"""Still pictures in place of what only moves while a notebook's kernel runs.
+"""Still pictures in place of outputs that need a running kernel or are too large to store.
 
 A replay's whole page of 3 MB and the frame of a live view become PNG pictures, taken in headless
-Chromium; sliders become a line that says what they are.
+Chromium; sliders become a line of text.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import base64
 import html
 import io
 import re
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import shutil
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,22 +21,27 @@ import numpy as np
 from nbformat import NotebookNode
 from nbformat.v4 import new_output
 from PIL import Image
-from playwright.async_api import Browser, Page, ViewportSize, async_playwright
+from playwright.async_api import Page, ViewportSize, async_playwright
 
-from notebook_runs.chromium import FLAGS, chromium_on_path
+from notebook_runs.notebooks import FRAME
+
+PORT = re.compile(r"http://127\.0\.0\.1:\d+/")
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Of Chromium, so that it draws without a graphics card."""
 
 SIZE: ViewportSize = {"width": 960, "height": 540}
 PIXEL_RATIO = 1.5
 WITHIN_MS = 300_000.0
 
 ROBOT_RED_PIXELS = 5000
-"""How much red there is at least where Baxter's arms are shown."""
+"""Minimum number of red pixels in a picture of Baxter's arms."""
 
 MOMENT = "moment"
-"""In a cell's metadata: when in its replay the picture is taken, as a share of it; or `NEXT`."""
+"""Key in a cell's metadata: the moment of its picture, as a share of the replay; or `NEXT`."""
 
 NEXT = "next"
-"""The picture of a live view is taken when the next cell has run."""
+"""The picture of a live view is taken after the next cell."""
 
 SHOWN_FROM_START = 0.55
 
@@ -50,7 +55,7 @@ SHOW = """
 
 SLIDERS = "application/vnd.jupyter.widget-view+json"
 STILL = "still"
-"""In the metadata of an output that was put in the place of another one: of what."""
+"""Key in the metadata of a replacement output: the kind of output that it replaces."""
 
 CAPTIONS = {
     "replay": "*A still picture: the replay plays when the cell is run, and on the documentation"
@@ -59,84 +64,69 @@ CAPTIONS = {
     "sliders": "*Six sliders stand here when the cell is run.*",
 }
 
-PORT = re.compile(r"http://127\.0\.0\.1:\d+/")
-FRAME = re.compile(r'<iframe [^>]*?(?P<kind>srcdoc|src)="(?P<what>[^"]*)"')
+
+def chromium_on_path() -> str | None:
+    """Path of an installed Chromium; None makes Playwright use its own."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
 
 
-@asynccontextmanager
-async def photographer() -> AsyncIterator[Photographer]:
-    """One with a browser, until the end."""
-    async with async_playwright() as playwright:
-        path = chromium_on_path()
-        browser = await playwright.chromium.launch(executable_path=path, args=list(FLAGS))
-        yield Photographer(browser)
-        await browser.close()
+def photographer() -> Callable[..., Awaitable[None]]:
+    """A hook of nbclient, after each cell, that replaces outputs which move."""
+    waiting: list[NotebookNode] = []
+
+    async def after_cell(cell: NotebookNode, **_: Any) -> None:
+        """Replace the outputs of this cell, and of the previous one if it waited."""
+        ready = [*waiting, *([] if cell.metadata.get(MOMENT) == NEXT else [cell])]
+        waiting[:] = [cell] if cell not in ready else []
+        for each in ready:
+            if any(FRAME.search(_text(output)) or _is_slider(output) for output in each.outputs):
+                each.outputs = [
+                    new for output in each.outputs for new in await _still(each, output)
+                ]
+
+    return after_cell
 
 
-class Photographer:
-    """Replaces the moving outputs of cells."""
-
-    def __init__(self, browser: Browser) -> None:
-        self._browser = browser
-        self._waiting: list[NotebookNode] = []
-
-    async def __call__(self, cell: NotebookNode) -> None:
-        """Replace those of a cell that has just run, and of one that waited for it."""
-        for waiting in self._waiting:
-            await self._replace(waiting)
-        self._waiting = [cell] if cell.metadata.get(MOMENT) == NEXT else []
-        if not self._waiting:
-            await self._replace(cell)
-
-    async def _replace(self, cell: NotebookNode) -> None:
-        outputs = []
-        for output in cell.outputs:
-            frame = FRAME.search(_text(output, "text/html"))
-            if frame is not None:
-                kind = "replay" if frame["kind"] == "srcdoc" else "view"
-                share = cell.metadata.get(MOMENT, SHOWN_FROM_START)
-                picture = await self._picture(html.unescape(frame["what"]), kind, share)
-                told = PORT.sub("...", _text(output, "text/plain"))
-                output.data = {"image/png": picture, "text/plain": told}
-                outputs += [output, _caption(CAPTIONS[kind], kind)]
-            elif SLIDERS in output.get("data", {}):
-                outputs.append(_caption(CAPTIONS["sliders"], "sliders"))
-            else:
-                outputs.append(output)
-        cell.outputs = outputs
-
-    async def _picture(self, what: str, kind: str, share: Any) -> str:
-        """A page or an address as a PNG, in base64."""
-        page = await self._browser.new_page(viewport=SIZE, device_scale_factor=PIXEL_RATIO)
-        page.set_default_timeout(WITHIN_MS)
-        try:
-            shot = await (
-                _of_replay(page, what, share) if kind == "replay" else _of_view(page, what)
-            )
-        finally:
-            await page.close()
-        small = io.BytesIO()
-        Image.open(io.BytesIO(shot)).convert("RGB").save(small, format="png", optimize=True)
-        return base64.b64encode(small.getvalue()).decode("ascii")
+async def _still(cell: NotebookNode, output: NotebookNode) -> list[NotebookNode]:
+    """The outputs that replace an output."""
+    frame = FRAME.search(_text(output))
+    if _is_slider(output):
+        return [_caption("sliders")]
+    if frame is None:
+        return [output]
+    kind = "replay" if frame["kind"] == "srcdoc" else "view"
+    share = cell.metadata.get(MOMENT, SHOWN_FROM_START)
+    picture = await _picture(html.unescape(frame["what"]), kind, share)
+    told = PORT.sub("...", _text(output, "text/plain"))
+    output.data = {"image/png": picture, "text/plain": told}
+    return [output, _caption(kind)]
 
 
-async def _of_replay(page: Page, text: str, share: float) -> bytes:
+async def _picture(what: str, kind: str, share: Any) -> str:
+    """Picture of a page (its text or its address): a PNG in base64."""
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "replay.html"
-        file.write_text(text, "utf-8")
-        await page.goto(file.as_uri())
-        await page.wait_for_function("replay.ready")
-        await page.evaluate(SHOW, share)
-        return await _settled(page)
-
-
-async def _of_view(page: Page, url: str) -> bytes:
-    await page.goto(url)
-    return await _settled(page)
+        async with async_playwright() as playwright:
+            path = chromium_on_path()
+            browser = await playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+            page = await browser.new_page(viewport=SIZE, device_scale_factor=PIXEL_RATIO)
+            page.set_default_timeout(WITHIN_MS)
+            if kind == "replay":
+                file = Path(folder) / "replay.html"
+                file.write_text(what, "utf-8")
+                await page.goto(file.as_uri())
+                await page.wait_for_function("replay.ready")
+                await page.evaluate(SHOW, share)
+            else:
+                await page.goto(what)
+            shot = await _settled(page)
+            await browser.close()
+    small = io.BytesIO()
+    Image.open(io.BytesIO(shot)).convert("RGB").save(small, format="png", optimize=True)
+    return base64.b64encode(small.getvalue()).decode("ascii")
 
 
 async def _settled(page: Page) -> bytes:
-    """The page when it shows the robot and looks the same for a while."""
+    """Screenshot of the page as soon as it shows the robot and does not change any more."""
     before, shot = b"", await page.screenshot()
     while before != shot or _red_pixels(shot) < ROBOT_RED_PIXELS:
         await asyncio.sleep(1.0)
@@ -145,16 +135,18 @@ async def _settled(page: Page) -> bytes:
 
 
 def _red_pixels(shot: bytes) -> int:
-    red, green, blue = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), int).transpose(
-        2, 0, 1
-    )
-    return int(((red > 100) & (green < 60) & (blue < 60)).sum())
+    pixels = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), int)
+    return int((pixels[..., 0] > 100)[(pixels[..., 1:] < 60).all(axis=-1)].sum())
 
 
-def _caption(text: str, of: str) -> NotebookNode:
-    return new_output("display_data", {"text/markdown": text}, metadata={STILL: of})
+def _is_slider(output: NotebookNode) -> bool:
+    return SLIDERS in output.get("data", {})
 
 
-def _text(output: NotebookNode, kind: str) -> str:
+def _caption(of: str) -> NotebookNode:
+    return new_output("display_data", {"text/markdown": CAPTIONS[of]}, metadata={STILL: of})
+
+
+def _text(output: NotebookNode, kind: str = "text/html") -> str:
     text: Any = output.get("data", {}).get(kind, "")
     return text if isinstance(text, str) else "".join(text)

@@ -23,8 +23,8 @@ from baxter_kin.command_line import (
     urdf_option,
     whole_number,
 )
+from baxter_kin.display import millimetres_hint
 from baxter_kin.files import Destination
-from baxter_kin.hints import millimetres_hint
 from sim.recording.record_file import record_option
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 DEFAULT_HOVER_M = 0.15
 LIMITS = ("safe", "torque-control")
 ROBOT_DWELL_S, MAX_DWELL_S = 1.0, 60.0
-"""As `planner.pick_place.task`, `baxter_kin.limits` and `sim.simulation` have them: repeated, since
-these load NumPy, which `--help` does not need; a test compares them."""
+"""As `planner.pick_place.task`, `baxter_kin.kinematics.limits` and `sim.simulation` have them:
+repeated, since these load NumPy, which `--help` does not need; a test compares them."""
 
 MAX_DISTANCE_M = 10.0
 """From the robot, of anything in the scene."""

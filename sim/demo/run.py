@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from baxter_kin.command_line import log_shown
 from baxter_kin.errors import BaxterError
-from baxter_kin.model import Baxter
+from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.validation import FloatArray
 from planner import (
     Body,

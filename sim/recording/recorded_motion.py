@@ -147,11 +147,6 @@ def _limb_of(trajectory: Trajectory) -> str | None:
     return next((side for side in LIMBS if names == sorted(arm_joints(side))), None)
 
 
-def finger_joints(side: str) -> tuple[str, str]:
-    """The two joints of a hand's fingers; the second mirrors the first."""
-    return f"{side[0]}_gripper_l_finger_joint", f"{side[0]}_gripper_r_finger_joint"
-
-
 def arm_motion(
     joint_names: tuple[str, ...],
     times_s: FloatArray,

@@ -15,7 +15,7 @@ from baxter_kin.display import OneLine, count
 from baxter_kin.fields import NotCopied, evolve
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, whole_scalar
 from planner import Body, Plan, RobotBody, Scene, State
 from sim.errors import RecordingError

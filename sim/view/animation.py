@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
-from sim.view.encoding import Command
-from sim.view.meshcat_commands import set_property, short_numbers
+from sim.view.meshcat_commands import Command, set_property, short_numbers
 from sim.view.scenegraph import RobotTree, body_path
 
 JOINT_TOLERANCE = 2e-4

@@ -33,7 +33,7 @@ from planner.scene.contact import PartContact
 from sim.events import Event, EventKind
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.encoding import Command
+from sim.view.meshcat_commands import Command
 from sim.view.panel import moving_arms
 
 SAMPLES_PER_S = 20.0

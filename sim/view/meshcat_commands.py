@@ -1,4 +1,4 @@
-"""Meshcat's commands: what its viewer understands, as plain dictionaries.
+"""Meshcat's commands: what its viewer understands, as plain dictionaries, and as bytes.
 
 The form is that of Meshcat 0.3, whose objects are those of three.js' object format 4. Importing
 Meshcat's Python side for it would cost a third of a second, and a server in a process of its own.
@@ -6,24 +6,59 @@ Meshcat's Python side for it would cost a third of a second, and a server in a p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+import umsgpack
 from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
-from sim.view.encoding import Command, array_name
+
+Command: TypeAlias = dict[str, Any]
+"""One command of Meshcat: its `type`, the `path` of a node, and what the type needs."""
 
 Rgb: TypeAlias = tuple[float, float, float]
 """Red, green and blue, 0 .. 1, as shown on the screen."""
+
+_EXTENSIONS = {
+    "int8": 0x11,
+    "uint8": 0x12,
+    "int16": 0x13,
+    "uint16": 0x14,
+    "int32": 0x15,
+    "uint32": 0x16,
+    "float32": 0x17,
+}
+"""Codes of msgpack-lite, Meshcat's decoder, for arrays of a NumPy type."""
 
 _BOTH_SIDES = 2
 _SHININESS = 30.0
 
 TUBE_STEP_M = 2.0**-12
 """Corners of tubes are rounded to this, a quarter of a millimetre."""
+
+
+def packed(command: object) -> bytes:
+    """A command, or any tree of values with NumPy arrays in it, as Meshcat decodes it."""
+    return bytes(umsgpack.packb(command, ext_handlers={np.ndarray: _extension}))
+
+
+def shared_geometries(
+    commands: Iterable[Command],
+) -> tuple[dict[str, Command], list[Command]]:
+    """The geometries by name, each once, and the commands with only the names of theirs."""
+    shared: dict[str, Command] = {}
+    named: list[Command] = []
+    for command in commands:
+        if command["type"] == "set_object":
+            drawn = command["object"]
+            shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
+            names = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
+            command = command | {"object": drawn | {"geometries": names}}  # noqa: PLW2901
+        named.append(command)
+    return shared, named
 
 
 def set_object(
@@ -158,3 +193,15 @@ def _attribute(values: NDArray[Any]) -> Command:
 def _hex(rgb: Rgb) -> int:
     red, green, blue = (round(255 * min(max(channel, 0.0), 1.0)) for channel in rgb)
     return red << 16 | green << 8 | blue
+
+
+def array_name(values: NDArray[Any]) -> str:
+    """JavaScript's name of the array type, such as "Int16Array" for int16."""
+    return f"{values.dtype.name.capitalize()}Array"
+
+
+def _extension(values: NDArray[Any]) -> Any:
+    if values.dtype.name not in _EXTENSIONS:
+        raise TypeError(f"pages have no arrays of {values.dtype}; use {', '.join(_EXTENSIONS)}")
+    little_endian = values.astype(values.dtype.newbyteorder("<"), copy=False)
+    return umsgpack.Ext(_EXTENSIONS[values.dtype.name], little_endian.tobytes())

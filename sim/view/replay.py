@@ -15,7 +15,7 @@ from baxter_kin import Baxter
 from baxter_kin.display import OneLine, shown_path
 from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike, replace_file
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, expect_all, positive_scalar
 from planner import Plan
 from planner.collision.robot.robot_body import RobotBody, fitted
@@ -27,12 +27,12 @@ from sim.recording.recording import Recording
 from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance
 from sim.view.clearance import recorded_clearance
-from sim.view.encoding import Command, encoded, shared_geometries
-from sim.view.gripper_status import GripperPhase, gripper_timelines
+from sim.view.meshcat_commands import Command, shared_geometries
 from sim.view.overlays import (
     GHOST_PATH,
     GOALS_PATH,
     NEAREST_PATH,
+    PathPiece,
     frame_commands,
     frame_paths,
     ghost_commands,
@@ -40,12 +40,12 @@ from sim.view.overlays import (
     goal_commands,
     layers,
     nearest_command,
+    recorded_paths,
     varying_parts,
 )
-from sim.view.panel import recorded_arms, waypoints
+from sim.view.panel import GripperPhase, gripper_timelines, recorded_arms, waypoints
 from sim.view.scenegraph import RobotTree, body_commands, stage_commands
-from sim.view.tip_path import PathPiece, recorded_paths
-from sim.view.webpage import page
+from sim.view.webpage import encoded, page
 
 TITLE = "Baxter: pick and place"
 

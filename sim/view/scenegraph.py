@@ -22,8 +22,8 @@ from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Body, Box, Cylinder, Part
 from planner.scene.mesh import Mesh
 from sim.view.appearance import Appearance, RobotPart
-from sim.view.encoding import Command
 from sim.view.meshcat_commands import (
+    Command,
     Rgb,
     compact,
     glowing,

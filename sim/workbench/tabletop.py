@@ -8,9 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion
-from baxter_kin.display import quoted
+from baxter_kin.display import degrees_hint, millimetres_hint, quoted
 from baxter_kin.frames import PoseLike, StampedPose, checked_pose
-from baxter_kin.hints import degrees_hint, millimetres_hint
 from baxter_kin.validation import finite_array, finite_scalar
 from planner import Body, Scene, load_object
 from planner.errors import SceneError

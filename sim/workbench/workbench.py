@@ -25,7 +25,7 @@ from baxter_kin.display import OneLine, count, listing, quoted
 from baxter_kin.fields import evolve
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, expect_all, positive_scalar
 from planner import (
     Body,

@@ -4,6 +4,7 @@ import logging
 import re
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from baxter_kin.command_line import (
     option,
     parse,
     part,
+    progress,
     subcommands,
     whole_number,
 )
@@ -38,38 +40,37 @@ COMMANDS = {name.removesuffix(".__main__") for name in SCRIPTS} | {
 log = logging.getLogger("baxter_kin.somewhere")
 
 
-def test_what_is_logged_in_the_meantime_is_shown() -> None:
-    said: list[str] = []
-    complaints: list[str] = []
-    with log_shown(said.append, complaints.append):
+def test_what_the_packages_log_in_the_meantime_is_shown() -> None:
+    infos: list[str] = []
+    warnings: list[str] = []
+    logger = logging.getLogger("baxter_kin")
+    before = logger.level, list(logger.handlers)
+    with log_shown(infos.append, warnings.append, ("baxter_kin", "sim.ros1")):
         log.debug("a detail")
         log.info("compiling with %s", "cc")
         log.warning("not compiled")
-    log.info("later")
-    assert (said, complaints) == (["compiling with cc"], ["not compiled"])
-
-
-def test_what_others_log_is_not_shown() -> None:
-    said: list[str] = []
-    with log_shown(said.append, said.append):
+        logging.getLogger("sim.ros1.robot").info("two")
         logging.getLogger("somebody_else").warning("something")
-    assert said == []
-
-
-def test_the_logger_is_left_as_it_was() -> None:
-    logger = logging.getLogger("baxter_kin")
-    before = logger.level, list(logger.handlers)
-    with log_shown(print, print):
-        pass
+    log.info("later")
+    assert (infos, warnings) == (["compiling with cc", "two"], ["not compiled"])
     assert (logger.level, logger.handlers) == before
 
 
-def test_several_packages_are_shown_where_that_is_asked_for() -> None:
-    said: list[str] = []
-    with log_shown(said.append, said.append, ("baxter_kin", "sim.ros1")):
-        log.info("one")
-        logging.getLogger("sim.ros1.robot").info("two")
-    assert said == ["one", "two"]
+def test_progress_is_for_terminals_and_for_who_wants_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Elsewhere it comes once in a minute."""
+    pytest.importorskip("tqdm")
+    for is_terminal, is_quiet, is_shown in (
+        (True, False, True),
+        (True, True, False),
+        (False, False, False),
+    ):
+        monkeypatch.setattr("sys.stderr.isatty", lambda is_it=is_terminal: is_it, raising=False)
+        with progress("info", 3, "block", is_quiet=is_quiet) as advance:
+            time.sleep(0.11)
+            advance(2)
+        assert ("info:  67%" in capsys.readouterr().err) == is_shown
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin.display import (
     MAX_QUOTE,
     count,
+    degrees_hint,
     listing,
     millimetres,
+    millimetres_hint,
     position,
     quoted,
     seconds,
@@ -25,6 +29,7 @@ anything = st.recursive(
 )
 
 
+@settings(max_examples=25)
 @given(anything)
 def test_a_quote_is_short_printable_and_on_one_line(value: object) -> None:
     text = quoted(value)
@@ -92,3 +97,27 @@ def test_joints_of_one_side_are_told_by_it_and_others_counted() -> None:
     assert side_of(["left_s0", "left_s1"]) == "left"
     assert side_of(["left_s0", "right_s0"]) == "2 joints"
     assert side_of([]) == "0 joints"
+
+
+def test_lengths_of_a_workcell_in_millimetres_are_asked_about() -> None:
+    assert millimetres_hint(700.0, 150.0, -129.0) == (
+        "; are these millimetres? Lengths are in metres: 700 mm is 0.7 m"
+    )
+    assert millimetres_hint(0.0, -50.0).endswith("-50 mm is -0.05 m")
+
+
+@given(st.floats(-9.99, 9.99) | st.floats(min_value=1.01e4) | st.floats(max_value=-1.01e4))
+def test_no_other_length_is(length: float) -> None:
+    assert millimetres_hint(length) == millimetres_hint(0.0, length) == ""
+
+
+def test_angles_in_degrees_are_asked_about() -> None:
+    assert degrees_hint(0.0, -90.0) == (
+        "; are these degrees? Angles are in radians: -90 deg is -1.571 rad"
+    )
+    assert degrees_hint(5.0, least=math.pi / 2).endswith("5 deg is 0.08727 rad")
+
+
+@given(st.floats(-math.tau, math.tau) | st.floats(min_value=360.1) | st.floats(max_value=-360.1))
+def test_no_other_angle_is(angle: float) -> None:
+    assert degrees_hint(angle) == degrees_hint(0.0, angle) == ""

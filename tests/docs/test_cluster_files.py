@@ -20,7 +20,7 @@ import yaml
 from baxter_kin import Baxter
 from baxter_kin.parallel import Serial
 from planner.atlas import PositionGrid, RotationGrid, build_reach_map
-from tests.planner.atlas.test_building import digests
+from tests.planner.atlas.maps import digests
 
 distributed: Any = pytest.importorskip("distributed", reason="Dask needs Python 3.11")
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from baxter_kin.parallel import Serial
 from lessons.reach_maps import (
     DOWN,
     FAR_BASE,
@@ -27,8 +24,6 @@ from planner.atlas import (
     Cell,
     PositionGrid,
     ReachMap,
-    RotationGrid,
-    build_reach_map,
     nearest_reachable,
 )
 from tests.lessons.told import assert_told
@@ -38,13 +33,10 @@ pytest.importorskip("zarr", reason="maps need zarr, and it Python 3.11", exc_typ
 FAR = pin.SE3(DOWN, np.array(FAR_BASE))
 
 
-@pytest.fixture(scope="module")
-def table_map(tmp_path_factory: pytest.TempPathFactory) -> ReachMap:
-    """The notebook's."""
-    path: Path = tmp_path_factory.mktemp("lessons") / "table.zarr"
-    positions = PositionGrid.within(LOW_M, HIGH_M, STEP_M)
-    rotations = RotationGrid.about_tool_axis(DOWN, ROLLS)
-    return build_reach_map(path, Baxter.load(), positions, rotations, engine=Serial())
+def test_the_notebook_and_the_tests_build_the_same_map(table_map: ReachMap) -> None:
+    assert table_map.positions == PositionGrid.within(LOW_M, HIGH_M, STEP_M)
+    assert np.array_equal(table_map.rotations.R_base_tips, DOWN[None])
+    assert len(table_map.rotations) == ROLLS
 
 
 @pytest.fixture(scope="module")

@@ -377,20 +377,19 @@ def test_problems_are_the_same_for_the_same_seed() -> None:
         np.testing.assert_array_equal(first.q_start, again.q_start)
 
 
-def test_the_table_counts(capsys: pytest.CaptureFixture[str]) -> None:
-    script = importlib.import_module("check_plans")
-    trials = [
-        script.Trial("plain", 0, 0, planning_s=0.5, check_s=1.0),
-        script.Trial("plain", 1, 0, planning_s=0.7, findings=("touches",)),
-        script.Trial("plain", 2, 0, planning_s=0.2, refusal="no way"),
-        script.Trial("plain", 3, 0, error="Traceback"),
+def test_the_table_counts() -> None:
+    trials: list[dict[str, Any]] = [
+        {"planning_s": 0.5, "motion_s": 3.0},
+        {"planning_s": 0.7, "motion_s": 3.0, "contradicted": ["touches"]},
+        {"planning_s": 0.2, "refusal": "no way"},
+        {"error": "Traceback"},
     ]
-    row = script._table(["plain"], trials).splitlines()[2]
+    row = importlib.import_module("check_plans")._row("plain", trials)
     assert row == "| plain | 4 | 2 | 1 | 1 | 0 | 1 | 0.20, 0.20 | 0.60 |"
 
 
 def test_one_problem_from_start_to_end() -> None:
     found = importlib.import_module("check_plans").run_trial("plain", 0, 0)
-    assert found.error is None
-    assert found.planning_s > 0.0
-    assert found.refusal is not None or found.check_s > 0.0
+    assert "error" not in found
+    assert found["planning_s"] > 0.0
+    assert "refusal" in found or found["check_s"] > 0.0

@@ -16,13 +16,13 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, PickAndPlace, Plan, plan_pick_and_place, plan_start_move
+from planner import Body, Manipulator, Plan, plan_start_move
 from planner.scene.bodies import Box, Part
-from sim import Event, Outcome, Recorder, Simulation, World
+from sim import Event, Outcome, Recorder, Replay, Simulation, World
 from sim.recording.recording import Recording
-from sim.view.tip_path import HOLDING_RGB
+from sim.view.overlays import HOLDING_RGB
 from tests.chromium import at_usual_priority, find_chromium
-from tests.conftest import at, overhead
+from tests.conftest import at
 from tests.sim.runs import Run
 
 SWITCHES = (
@@ -179,7 +179,15 @@ def recording(robot: Baxter, table: Body, green_block: Body) -> Recording:
 
 
 @pytest.fixture(scope="session")
-def picked(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Recording:
+def replay(robot: Baxter, recording: Recording) -> Replay:
+    """The page of that recording."""
+    return Replay(recording, robot, height_px=400, title='Pick </script><b>& "place"')
+
+
+@pytest.fixture(scope="session")
+def picked(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body, plan: Plan
+) -> Recording:
     """A real run: the start move, one pick and place, and the block taken away at the end."""
     world, recorder = World(robot), Recorder(robot)
     simulation = Simulation(world, [recorder])
@@ -188,10 +196,7 @@ def picked(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) ->
     simulation.spawn(block)
     start = manipulator.arm.start
     simulation.execute(plan_start_move(manipulator, world.scene, world.arm_q("left"), start))
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    simulation.execute(
-        plan_pick_and_place(task, manipulator, world.scene, world.arm_q("left")), "demo, "
-    )
+    simulation.execute(plan, "demo, ")
     simulation.delete("block")
     simulation.wait(0.1)
     return recorder.recording()
@@ -231,17 +236,16 @@ def told(event: Event) -> tuple[Any, ...]:
 
 
 @pytest.fixture(scope="session")
-def executed(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Recording:
+def executed(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body, plan: Plan
+) -> Recording:
     """The left arm picks the block up and puts it down elsewhere, as planned and simulated."""
     world, recorder = World(robot), Recorder(robot)
     simulation = Simulation(world, [recorder])
     simulation.spawn(table)
     simulation.spawn(block)
     start = manipulator.arm.start
-    plan = plan_start_move(manipulator, world.scene, world.arm_q("left"), start)
-    simulation.execute(plan)
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    plan = plan_pick_and_place(task, manipulator, world.scene, start)
+    simulation.execute(plan_start_move(manipulator, world.scene, world.arm_q("left"), start))
     assert simulation.execute(plan).is_success
     return recorder.recording()
 

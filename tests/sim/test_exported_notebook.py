@@ -5,14 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from nbconvert import HTMLExporter
+from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-from tests.notebook_kernel import executed
+from sim import Replay
 from tests.sim.conftest import Watched
 
 
-def test_replay_plays_in_an_exported_notebook(watched: Watched, tmp_path: Path) -> None:
+def test_replay_plays_in_an_exported_notebook(
+    watched: Watched, tmp_path: Path, replay: Replay
+) -> None:
+    data = {"text/html": replay._repr_html_(), "text/plain": repr(replay)}
+    cell = new_code_cell("replay", outputs=[new_output("execute_result", data)])
     exporter = HTMLExporter(mathjax_url="", require_js_url="")  # else its template fetches both
-    text, _ = exporter.from_notebook_node(executed("4_pick_and_place", tmp_path))
+    text, _ = exporter.from_notebook_node(new_notebook(cells=[cell]))
     file = tmp_path / "exported.html"
     file.write_text(text, "utf-8")
 

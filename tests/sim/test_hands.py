@@ -116,10 +116,8 @@ def test_wide_fingers_carry_what_narrow_ones_cannot_take(robot: Baxter) -> None:
     simulation.finish()
     moved = world.body("block").T_base_body.translation - block.T_base_body.translation
     np.testing.assert_allclose(moved, [0.05, 0.15, 0.0], atol=1e-3)
-    recording = recorder.recording()
-    assert replay_html(recording, wide)
-    with pytest.raises(RecordingError, match="of another robot"):
-        replay_html(recording, robot)
+    with pytest.raises(RecordingError, match="another robot"):
+        replay_html(recorder.recording(), robot)
     other = World(robot)
     other.move_arm("right", q_start)
     with pytest.raises(SimulationError, match="the plan is for another robot"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import importlib
 import io
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -15,8 +16,8 @@ from nbformat.v4 import new_code_cell, new_output
 from PIL import Image
 
 from baxter_kin import Baxter
-from sim import Recording, Replay, TipTarget, Viewer
-from tests.notebook_kernel import module
+from sim import Replay, TipTarget, Viewer
+from tests import notebook_kernel  # noqa: F401 - it finds the scripts
 
 pytestmark = pytest.mark.usefixtures("browser")  # or skipped, where there is none
 
@@ -24,10 +25,11 @@ pytestmark = pytest.mark.usefixtures("browser")  # or skipped, where there is no
 def replace(*cells: NotebookNode) -> None:
     """Replace what moves in cells that run one after the other."""
 
+    after_cell = importlib.import_module("notebook_runs.stills").photographer()
+
     async def all_of_them() -> None:
-        async with module("stills").photographer() as photographer:
-            for cell in cells:
-                await photographer(cell)
+        for cell in cells:
+            await after_cell(cell=cell)
 
     with ThreadPoolExecutor(1) as thread:  # a browser's loop may run in ours
         thread.submit(asyncio.run, all_of_them()).result()
@@ -50,8 +52,7 @@ def pixels(cell: NotebookNode, caption: str) -> Any:
     return np.asarray(png, dtype=int)
 
 
-def test_a_replay_becomes_a_picture_of_its_moment(robot: Baxter, recording: Recording) -> None:
-    replay = Replay(recording, robot)
+def test_a_replay_becomes_a_picture_of_its_moment(replay: Replay) -> None:
     early, late = shown(replay, moment=0.0), shown(replay, moment=1.0)
     replace(early, late)
     first = pixels(early, "plays when the cell is run")

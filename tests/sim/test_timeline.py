@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, State, make_block, plan_start_move
+from planner import Body, Manipulator, Plan, State, make_block, plan_start_move
 from sim import (
     Event,
     EventKind,
@@ -54,17 +54,12 @@ def test_the_world_is_brought_to_each_tick_before_it_is_shown_and_to_the_end() -
 
 def test_the_ticks_to_come_are_those_that_will_be_shown() -> None:
     clock = Clock(0.1)
-    passed(clock, 0.25)
-    coming = clock.ticks_until(0.55).tolist()
-    assert passed(clock, 0.3) == coming == pytest.approx([0.3, 0.4, 0.5], abs=TIME_S)
-
-
-def test_it_knows_whether_it_stands_between_ticks() -> None:
-    clock = Clock(0.1)
     passed(clock, 0.0)
     assert not clock.is_past_tick
-    passed(clock, 0.05)
+    passed(clock, 0.25)
     assert clock.is_past_tick
+    coming = clock.ticks_until(0.55).tolist()
+    assert passed(clock, 0.3) == coming == pytest.approx([0.3, 0.4, 0.5], abs=TIME_S)
 
 
 class TestTelling:
@@ -94,6 +89,7 @@ class TestTelling:
         run.simulation.enable()
         run.simulation.delete("block")
         run.simulation.delete("table")
+        run.simulation.wait(0.05)
         assert [event.text for event in run.witness.events] == [
             "table spawned",
             "block spawned, at rest on table",
@@ -112,26 +108,26 @@ class TestTelling:
         assert texts[EventKind.RELEASED] == "block released"
         assert texts[EventKind.SETTLED] == "block at rest on table"
 
-    def test_an_observer_reads_the_same_clock(self, run: Run) -> None:
+    def test_a_title_comes_before_each_caption_and_observers_read_the_same_clock(
+        self, run: Run
+    ) -> None:
         clocks: list[tuple[float, float]] = []
 
-        class Watch(Observer):
+        class Watch(Witness):
             def on_snapshot(self, snapshot: Snapshot) -> None:
+                super().on_snapshot(snapshot)
                 clocks.append((snapshot.time_s, simulation.time_s))
 
-        simulation = Simulation(run.world, [Watch()])
-        simulation.wait(0.1)
-        assert len(clocks) == 11
-        assert all(told == read for told, read in clocks)
-
-    def test_a_title_comes_before_each_caption(self, run: Run) -> None:
+        watch = Watch()
+        simulation = Simulation(run.world, [watch])
         plan = plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
-        run.simulation.execute(plan, "cycle 3, ")
-        captions = {snapshot.caption for snapshot in run.witness.snapshots}
+        simulation.execute(plan, "cycle 3, ")
+        captions = {snapshot.caption for snapshot in watch.snapshots}
         assert captions
         assert all(caption.startswith("cycle 3, ") for caption in captions)
+        assert all(shown == read for shown, read in clocks)
 
-    def test_time_stays_in_order_when_an_observer_stops_the_run(self, run: Run) -> None:
+    def test_time_stays_in_order_when_an_observer_stops_the_run(self, run: Run, plan: Plan) -> None:
         class Stop(Observer):
             def on_snapshot(self, snapshot: Snapshot) -> None:
                 if snapshot.time_s >= 0.5:
@@ -140,28 +136,23 @@ class TestTelling:
         witness = Witness()
         simulation = Simulation(run.world, [witness, Stop()])
         with pytest.raises(KeyboardInterrupt):
-            simulation.execute(run.plan())
+            simulation.execute(plan)
         simulation.delete("block")
         times = [item.time_s for item in witness.received]
         assert times == sorted(times)
         assert times[-1] == pytest.approx(0.5, abs=TIME_S)
 
-    def test_an_observer_that_overrides_nothing_is_no_trouble(self, run: Run) -> None:
-        simulation = Simulation(run.world, [Observer()])
-        simulation.enable()
-        simulation.wait(0.05)
-
 
 class TestWaiting:
-    """Time passes, and nothing else."""
+    """Time passes, and nothing else; its end can be shown."""
 
-    def test_it_takes_as_long_as_requested(self, run: Run) -> None:
+    def test_it_takes_as_long_as_requested_and_nothing_moves(self, run: Run) -> None:
         run.simulation.wait(0.123)
         assert run.simulation.time_s == 0.123
-
-    def test_nothing_moves(self, run: Run) -> None:
-        run.simulation.wait(0.2)
         assert len({snapshot.q.tobytes() for snapshot in run.witness.snapshots}) == 1
+        for _ in range(3):
+            run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
 
     def test_waits_in_pieces_give_the_ticks_of_one(
         self, robot: Baxter, manipulator: Manipulator
@@ -173,37 +164,19 @@ class TestWaiting:
         times = [[s.time_s for s in run.witness.snapshots] for run in (whole, pieces)]
         assert times[0][:50] == times[1][:50]
 
-    def test_waiting_for_no_time_shows_at_most_the_present(self, run: Run) -> None:
+    def test_waiting_for_no_time_shows_the_present_once(self, run: Run) -> None:
         for _ in range(3):
             run.simulation.wait(0.0)
+        run.simulation.finish()
         assert [snapshot.time_s for snapshot in run.witness.snapshots] == [0.0]
 
-
-class TestFinishing:
-    """A run ends between two ticks; its end can be shown."""
-
-    def test_the_end_is_shown_once(self, run: Run) -> None:
-        run.simulation.wait(0.123)
+    def test_ticks_go_on_as_before_after_an_end_even_at_the_beginning(self, run: Run) -> None:
         run.simulation.finish()
-        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
-
-    def test_an_end_that_a_tick_has_shown_is_not_shown_again(self, run: Run) -> None:
-        run.simulation.wait(0.0)
-        run.simulation.finish()
-        assert [shot.time_s for shot in run.witness.snapshots] == [0.0]
-
-    def test_ticks_go_on_as_before(self, run: Run) -> None:
         run.simulation.wait(0.015)
         run.simulation.finish()
         run.simulation.wait(0.015)
         times = [shot.time_s for shot in run.witness.snapshots]
         assert times == pytest.approx([0.0, 0.01, 0.015, 0.02, 0.03], abs=TIME_S)
-
-    def test_asking_twice_shows_it_once(self, run: Run) -> None:
-        run.simulation.wait(0.123)
-        for _ in range(3):
-            run.simulation.finish()
-        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
 
 
 class TestBeginning:
@@ -238,11 +211,6 @@ class TestBeginning:
             (EventKind.DELETED, "red taken out of the world"),
         ]
         assert all(event.body is not None for event in witness.events)
-
-    def test_what_the_simulation_spawns_is_reported_once(self, run: Run) -> None:
-        run.simulation.wait(0.1)
-        kinds = [event.kind for event in run.witness.events]
-        assert kinds == [EventKind.SPAWNED] * 2
 
     def test_recordings_have_bodies_that_were_there(
         self, robot: Baxter, table: Body, tmp_path: Path

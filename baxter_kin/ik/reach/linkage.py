@@ -123,11 +123,7 @@ class Linkage:
 
     @classmethod
     def of(cls, arm: Arm) -> Linkage:
-        """The linkage of an arm.
-
-        Raises:
-            DescriptionError: when the arm is not built like Baxter's.
-        """
+        """The linkage of an arm."""
         dh = DHParameters.of(arm)
         a, d = dh.a_m.tolist(), dh.d_m.tolist()
         lengths = -a[0], d[1], -a[2], d[3], -a[4]

@@ -30,10 +30,10 @@ from baxter_kin.ik.search.searcher import Backend, Found, Search, Searcher
 from baxter_kin.ik.seeds import (
     MAP_STARTS,
     SEED_STARTS,
-    ComputedStarts,
     NullSpaceMap,
     SeedMode,
     SeedType,
+    Starts,
     starts_around,
 )
 from baxter_kin.ik.tolerance import EXACT, Tolerance
@@ -137,7 +137,7 @@ class Solver:
         yield found
         Ts = T_base_tip.homogeneous[None]
         if not self.explainer.reach.are_outside_shells(Ts).any():
-            for q_start in self.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
+            for q_start in self.starts.coarse(Ts, sum(COARSE_ROUNDS))[0]:
                 yield fast.search_one(q_start, T_base_tip)
 
     def _result(self, q: FloatArray, seed_type: SeedType, offset: float, angle: float) -> IKResult:
@@ -234,20 +234,20 @@ class Batch:
         self._search_from_everywhere(starts.scattered, search)
 
     def _search_from_computed(
-        self, computed: ComputedStarts, rounds: tuple[int, ...], search: Search
+        self, computed: Starts, rounds: tuple[int, ...], search: Search
     ) -> None:
         """Give every pose the same number of starts in a round, and more in later rounds."""
         first = self._open()
         if not first.size:
             return
-        starts = computed.starts(self._Ts[first], sum(rounds))
+        starts = computed(self._Ts[first], sum(rounds))
         edges = np.cumsum((0, *rounds)).tolist()
         for begin, end in pairwise(edges):
             poses = self._open()
             q_starts = starts[np.searchsorted(first, poses), begin:end].reshape(-1, 7)
             self._try(poses, SeedType.NS_MAP, search, q_starts, end - begin)
 
-    def _search_from_everywhere(self, scattered: ComputedStarts, search: Search) -> None:
+    def _search_from_everywhere(self, scattered: Starts, search: Search) -> None:
         """Search pose by pose from all over the joint ranges, and on from the nearest attempts.
 
         At a singularity between limits most attempts get stuck nearby, even the best of them, while
@@ -256,7 +256,7 @@ class Batch:
         count, left = search.scattered_starts, self._open()
         if not count or not left.size:
             return
-        for pose, q_starts in zip(left, scattered.starts(self._Ts[left], count), strict=True):
+        for pose, q_starts in zip(left, scattered(self._Ts[left], count), strict=True):
             q, T, poses = q_starts, self._Ts[pose], np.array([pose])
             self._starts[pose, SeedType.NS_MAP] += count
             for _ in range(1 + SCATTERED_POLISH_ROUNDS):

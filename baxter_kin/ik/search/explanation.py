@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.display import millimetres_hint
 from baxter_kin.frames import read_with_w_first
-from baxter_kin.hints import millimetres_hint
 from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.reach.linkage import FAR_M
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, IKFailure

@@ -88,10 +88,6 @@ class Program:
             is_nearest: whether to search for the position nearest to the requested one in the
                 requested orientation: the orientation alone is constrained, and the objective is
                 half the squared distance in millimetres.
-
-        Raises:
-            RequestError: when an argument is of another class, or `is_nearest` comes with a
-                tolerance.
         """
         expect(arm, Arm, "arm", RequestError)
         expect(tolerance, Tolerance, "tolerance", RequestError)
@@ -201,7 +197,7 @@ class IpoptSearcher:
         low, high = (limits.q_min, limits.q_max) if bounds is None else np.split(bounds, 2)
         starts = q_starts[:, None]
         if self._more_starts:
-            others = self._starts.fine.starts(Ts, self._more_starts)
+            others = self._starts.fine(Ts, self._more_starts)
             starts = np.concatenate([starts, others], axis=1)
         rows = [
             self._best(each, pin.SE3(T[:3, :3], T[:3, 3]), low, high)

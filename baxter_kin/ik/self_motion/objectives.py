@@ -20,7 +20,7 @@ from baxter_kin.fields import array, frozen
 from baxter_kin.ik.self_motion.continuation import minimum
 from baxter_kin.ik.self_motion.tracing import SelfMotion
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, expect, finite_array, finite_rows, member_of
+from baxter_kin.validation import FloatArray, expect, finite_array, member_of
 
 PRECISION_RAD = 1e-9
 """Precision of the best arc length; a smooth minimum cannot be located better than to the root of
@@ -66,16 +66,13 @@ class NearestTo:
 
     Attributes:
         q_seed: shape (7,), rad; inside the limits or not.
-
-    Raises:
-        ConfigurationError: when `q_seed` has another shape or is not finite.
     """
 
     q_seed: FloatArray = array(7)
 
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the seed, shape (n,), rad^2."""
-        rows = finite_rows(q, 7, "q", ConfigurationError)
+        rows = finite_array(q, (None, 7), "q", ConfigurationError)
         squares = np.square(rows - self.q_seed)
         return np.array(0.5 * squares.sum(axis=1))
 
@@ -93,7 +90,7 @@ class FarthestFromLimits:
         """Minus the smallest distance to a limit, as a share of the half range, shape (n,)."""
         limits = expect(arm, Arm, "arm", RequestError).limits
         q_min, q_max = limits.q_min, limits.q_max
-        q = finite_rows(q, 7, "q", ConfigurationError)
+        q = finite_array(q, (None, 7), "q", ConfigurationError)
         shares = np.minimum(q - q_min, q_max - q) / (0.5 * (q_max - q_min))
         return np.array(-shares.min(axis=1))
 
@@ -109,7 +106,7 @@ class MostManipulable:
     def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """Minus the manipulability, shape (n,)."""
         expect(arm, Arm, "arm", RequestError)
-        rows = finite_rows(q, 7, "q", ConfigurationError)
+        rows = finite_array(q, (None, 7), "q", ConfigurationError)
         J = np.array([arm.jacobian(one) for one in rows]).reshape(-1, 6, 7)
         singular_values = np.linalg.svd(J, compute_uv=False)  # det(J J') would lose half the digits
         return np.array(-singular_values.prod(axis=1))
@@ -122,10 +119,6 @@ def best_on(curve: SelfMotion, objective: Objective) -> FloatArray:
     by golden section, on exact configurations (Kiefer, 1953). The lowest is found if the cost has
     at most one minimum between neighbours: trace with a smaller step for an objective that is
     rougher than those of this module.
-
-    Raises:
-        RequestError: when `curve` is not a `SelfMotion`, `objective` has no costs, or the costs
-            have another shape than (n,) or are not finite.
     """
     return best_of([expect(curve, SelfMotion, "curve", RequestError)], objective)
 

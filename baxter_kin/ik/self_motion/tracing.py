@@ -104,9 +104,6 @@ class SelfMotion:
         """The configuration at a length `s` along the curve, shape (7,), rad, inside the limits.
 
         It is exact: interpolated, then corrected to the pose. On a closed curve `s` is periodic.
-
-        Raises:
-            RequestError: when `s` is not a finite number, or beyond the ends of an open curve.
         """
         return self.sampler()(finite_scalar(s, "s", RequestError))
 
@@ -129,9 +126,6 @@ class SelfMotion:
         Args:
             q: shape (7,), rad; any finite values. Exact if `q` is closer than the bends of the
                 curve.
-
-        Raises:
-            ConfigurationError: when `q` has another shape or is not finite.
         """
         q = finite_array(q, (7,), "q", ConfigurationError)
         s, at = self._nearest_on_chords(q), self.sampler()

@@ -14,13 +14,9 @@ from baxter_kin.command_line import (
     parse,
     subcommands,
 )
-from planner.atlas.commands.build import Build
 from planner.atlas.commands.console import EXIT_FAILED, EXIT_STATUS, NAME, complain
-from planner.atlas.commands.info import Info
-from planner.atlas.commands.plot import Plot
-from planner.atlas.commands.query import Query
-from planner.atlas.commands.redundancy import Redundancy
-from planner.atlas.commands.verify import Verify
+from planner.atlas.commands.maps import Build, Info, Redundancy, Verify
+from planner.atlas.commands.questions import Plot, Query
 
 SUBCOMMANDS = {
     "build": Build,

@@ -7,7 +7,6 @@ section III, there of sampled orientations and in per cent.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +27,10 @@ Slices = tuple[slice, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Summary:
-    """Of positions, shape (nx, ny, nz), over some of the map's rotations.
+    """Numbers of rotations at positions, arrays of shape (nx, ny, nz).
 
     Attributes:
-        rotations: how many these are.
+        rotations: the number of rotations considered.
         reached: how many of them are reached.
         undecided: how many are undecided.
         missing: how many are not computed.
@@ -46,7 +45,7 @@ class Summary:
 
     @property
     def share(self) -> FloatArray:
-        """Of the rotations that are reached, from 0 to 1; NaN where none is computed."""
+        """Share of the rotations that are reached, from 0 to 1; NaN where none is computed."""
         share: FloatArray = np.where(
             self.missing < self.rotations, self.reached / self.rotations, np.nan
         )
@@ -56,19 +55,24 @@ class Summary:
 def summarise(
     found: ReachMap, arm: str, part: Slices = (slice(None),) * 3, rotations: Indices | None = None
 ) -> Summary:
-    """What a part of a map says.
+    """Count the rotations at the positions of a part of a map.
 
     Args:
         found: the map.
         arm: one of the map's, or "either" or "both" of them.
-        part: of the positions, by their indices; it is held in memory.
-        rotations: which; all of them when not given.
+        part: slices of the positions; it is held in memory.
+        rotations: indices of the rotations considered; all of them by default.
     """
-    codes = _codes(found, arm, part)
+    check_arm(found, arm)
+    if arm in found.arms:
+        codes = found.margins(arm, part)
+    else:
+        one, other = (found.margins(side, part) for side in found.arms)
+        codes = combined(one, other, is_both=arm == BOTH)
     if rotations is not None:
         codes = codes[..., rotations]
     if not codes.shape[-1]:
-        raise AtlasError("no rotation is chosen; choose one of the map's at least")
+        raise AtlasError("no rotation is chosen; choose at least one of the map's")
     best = codes.max(axis=-1)
     return Summary(
         codes.shape[-1],
@@ -80,12 +84,12 @@ def summarise(
 
 
 def combined(one: Codes, other: Codes, *, is_both: bool) -> Codes:
-    """The codes of two arms together: what is not proven of the pair is not said of it.
+    """The codes of two arms together, which claim nothing that is not proven of the pair.
 
     Args:
         one: margins or codes of an arm.
         other: of the other, the same shape.
-        is_both: whether both are to reach the pose, or either.
+        is_both: whether both must reach the pose, or either.
     """
     low, high = np.minimum(one, other), np.maximum(one, other)
     if is_both:
@@ -94,17 +98,8 @@ def combined(one: Codes, other: Codes, *, is_both: bool) -> Codes:
     return np.where(high == UNREACHABLE, low, high)
 
 
-def layers(found: ReachMap) -> Iterator[tuple[int, Slices]]:
-    """Parts of the map from below, as high as blocks are: index of the first layer, and slices."""
-    nx, ny, nz = found.positions.shape
-    starts = range(found.positions.blocks[2])
-    for block in starts:
-        piece = found.positions.block_slices((0, 0, block))[2]
-        yield piece.start, (slice(nx), slice(ny), slice(piece.start, min(piece.stop, nz)))
-
-
 def layer_at(found: ReachMap, height_m: float) -> int:
-    """The layer nearest to a height above base."""
+    """Index of the layer nearest to a height above base."""
     grid = found.positions
     layer = round(height_m / grid.step_m) - grid.first[2]
     if not 0 <= layer < grid.shape[2]:
@@ -116,7 +111,7 @@ def layer_at(found: ReachMap, height_m: float) -> int:
 
 
 def pointing(grid: RotationGrid, direction: ArrayLike) -> Indices:
-    """The rotations of the direction that is nearest to the one that the tool shall point to.
+    """Indices of the rotations with the direction of the tool that is nearest to a given one.
 
     Args:
         grid: of the map.
@@ -127,9 +122,7 @@ def pointing(grid: RotationGrid, direction: ArrayLike) -> Indices:
     if length == 0.0:
         raise AtlasError("the direction (0, 0, 0) points nowhere; give another, such as 0 0 -1")
     cosines = grid.R_base_tips[:, :, 2] @ (towards / length)
-    nearest = np.flatnonzero(cosines >= cosines.max() - 1e-9)
-    rolls = np.arange(len(grid.rolls))
-    return np.asarray((nearest[:, None] * len(grid.rolls) + rolls).reshape(-1))
+    return np.flatnonzero(np.repeat(cosines >= cosines.max() - 1e-9, len(grid.rolls)))
 
 
 def check_arm(found: ReachMap, arm: str) -> None:
@@ -139,32 +132,25 @@ def check_arm(found: ReachMap, arm: str) -> None:
         raise UnknownNameError("arm of this map", arm, (*found.arms, *pair))
 
 
-def _codes(found: ReachMap, arm: str, part: Slices) -> Codes:
-    check_arm(found, arm)
-    if arm in found.arms:
-        return found.margins(arm, part)
-    one, other = (found.margins(side, part) for side in found.arms)
-    return combined(one, other, is_both=arm == BOTH)
-
-
 def profile(
     found: ReachMap, arm: str, thresholds: tuple[float, ...], rotations: Indices | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Heights, shape (nz,), m, and the area reached there, shape (thresholds, nz), square metres.
 
     Args:
-        found: the map.
+        found: the map; only as many layers as a block has are held in memory.
         arm: one of the map's, or "either" or "both" of them.
-        thresholds: the area is that of positions with a larger share than zero, or at least this.
-        rotations: of which the share is; all of them when not given.
+        thresholds: the area is that of positions with a share above zero and at least this.
+        rotations: indices of the rotations considered; all of them by default.
     """
     grid = found.positions
     areas = np.zeros((len(thresholds), grid.shape[2]))
-    for first, part in layers(found):
-        share = np.nan_to_num(summarise(found, arm, part, rotations).share)
+    for block in found.grid.blocks[: found.grid.blocks.shape[3]]:
+        z = found.grid.slices(block)[2]
+        summary = summarise(found, arm, (slice(None), slice(None), z), rotations)
+        share = np.nan_to_num(summary.share)
         for row, threshold in enumerate(thresholds):
-            counted = (share > 0.0) & (share >= threshold)
-            areas[row, first : first + share.shape[2]] = counted.sum(axis=(0, 1))
+            areas[row, z] = ((share > 0.0) & (share >= threshold)).sum(axis=(0, 1))
     heights: FloatArray = grid.step_m * (np.arange(grid.shape[2], dtype=float) + grid.first[2])
     return heights, grid.step_m**2 * areas
 
@@ -176,19 +162,19 @@ def difference(
 
     Args:
         found: a map.
-        other: another one of the same positions and rotations.
-        part: of the positions, by their indices.
+        other: another map of the same positions and rotations.
+        part: slices of the positions.
         arm: one of the maps', or "either" or "both" of them.
-        rotations: of which the share is; all of them when not given.
+        rotations: indices of the rotations considered; all of them by default.
     """
-    same = found.rotations.matrices.shape == other.rotations.matrices.shape and np.allclose(
-        found.rotations.matrices, other.rotations.matrices, rtol=0.0, atol=1e-9
-    )
-    if found.positions != other.positions or not same:
-        what = "rotations" if found.positions == other.positions else "positions"
+    same_positions = found.positions == other.positions
+    Rs, Rs_other = found.rotations.matrices, other.rotations.matrices
+    same_rotations = Rs.shape == Rs_other.shape and np.allclose(Rs, Rs_other, rtol=0.0, atol=1e-9)
+    if not same_positions or not same_rotations:
         raise AtlasError(
             f"the maps {shown_path(found.path)} and {shown_path(other.path)} have different "
-            f"{what}, and cells are compared one by one; build both with the same"
+            f"{'rotations' if same_positions else 'positions'}, and cells are compared one by one; "
+            "build both with the same"
         )
     ours, theirs = (summarise(each, arm, part, rotations).share for each in (found, other))
     less: FloatArray = theirs - ours

@@ -1,1 +1,1 @@
-"""What a lab asks of a map: where to put the table, which arm, and how far a pose is from reach."""
+"""Questions to a map: where to put the table, which arm, and how near an arm comes to a pose."""

@@ -11,16 +11,19 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.display import count, quoted
 from baxter_kin.fields import frozen
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, whole_scalar
-from planner.atlas.positions import BLOCK_EDGE, PositionGrid
+from baxter_kin.validation import (
+    FloatArray,
+    Indices,
+    finite_array,
+    finite_scalar,
+    whole_scalar,
+)
+from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
 
 Within: TypeAlias = float | tuple[float, float] | None
 """Of an axis: one coordinate, the lowest and the highest, or all; m."""
-
-POSES_A_BLOCK = 1000
-"""Poses of a block at most, so that a task takes seconds; more where one position has more."""
 
 SAME_AXIS = 1e-9
 """How much less the cosine of directions may be that count as one."""
@@ -109,30 +112,10 @@ class Subset:
         """How many cells there are."""
         return len(self.arms) * int(np.prod(self.shape)) * len(self.rotations)
 
-    @property
-    def block_edge(self) -> int:
-        """Positions along each side of a block, which is what one task computes."""
-        edge = BLOCK_EDGE
-        while edge > 1 and edge**3 * len(self.rotations) > POSES_A_BLOCK:
-            edge //= 2
-        return edge
-
-    @property
-    def blocks(self) -> tuple[int, ...]:
-        """How many blocks there are along x, y and z."""
-        return tuple(-(-n // self.block_edge) for n in self.shape)
-
-    def block_slices(self, block: tuple[int, ...]) -> tuple[slice, ...]:
-        """What a block has of x, y and z; blocks at the end may be smaller."""
-        edge = self.block_edge
-        return tuple(
-            slice(b * edge, min((b + 1) * edge, n)) for b, n in zip(block, self.shape, strict=True)
-        )
-
-    def positions(self, part: tuple[slice, ...] = (slice(None),) * 3) -> np.ndarray:
-        """Indices in the map's grid of a part, shape (nx, ny, nz, 3)."""
-        axes = (np.array(a)[cut] for a, cut in zip((self.x, self.y, self.z), part, strict=True))
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    def points(self, at: Indices) -> Indices:
+        """Indices in the map's grid of positions that are given by those here, shape (n, 3)."""
+        axes = (self.x, self.y, self.z)
+        return np.stack([np.array(axis)[at[:, i]] for i, axis in enumerate(axes)], axis=1)
 
     def check(self, reach_map: ReachMap) -> None:
         """Refuse to be of another map."""

@@ -28,7 +28,7 @@ from planner.certificate.timeline.statements import StatedStates, require_contac
 
 A_MAX_RAD_S2, J_MAX_RAD_S3 = 2.0, 20.0
 """Rethink published no limits of acceleration and jerk; these are the presets of the toolkit,
-measured as what real arms follow (`baxter_kin.limits`). The caller may pass others."""
+measured as what real arms follow (`baxter_kin.kinematics.limits`). The caller may pass others."""
 
 MAX_STEPS = 1000
 

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.display import OneLine
 from baxter_kin.validation import expect, whole_scalar
 from planner.collision.distances import Covers, Enclosure
@@ -203,11 +204,8 @@ class RobotShapes(OneLine):
 
     def of_fingers(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """The shapes of both fingers; the finger that opens along +y of the tip comes first."""
-        letter = _checked(arm).side[0]
-        first, second = (
-            tuple(sorted(self._below[f"{letter}_gripper_{finger}_finger_joint"])) for finger in "lr"
-        )
-        return first, second
+        first, second = finger_joints(_checked(arm).side)
+        return tuple(sorted(self._below[first])), tuple(sorted(self._below[second]))
 
     def finger_pieces(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """The shapes of both fingers that are checked against a body that the hand grasps."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.description.hands import finger_joints
 from baxter_kin.display import OneLine, clear, count, phrase, seconds
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import evolve, field, frozen
@@ -33,6 +34,7 @@ from planner import (
     verify,
 )
 from planner.completion import complete
+from planner.grasping.hand import reported_finger_m
 from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
 from planner.pick_place.tracking import START_RAD
 from planner.state import State
@@ -341,14 +343,11 @@ def measured_joints(link: BaxterLink, robot: Baxter) -> dict[str, float]:
     measured = link.joints.positions()
     joints = {name: measured[name] for name in robot.joint_names if name in measured}
     for side in LIMBS:
-        report = link.gripper(side)
-        names = [n for n in robot.joint_names if n.startswith(f"{side[0]}_gripper_")]
-        if report is None or len(names) != 2:
-            continue
-        share = min(max(report.percent / 100.0, 0.0), 1.0)
-        upper = robot.model.upperPositionLimit[list(robot.indices(tuple(names)))]
-        signs = np.sign(upper - 1e-9)
-        joints |= {n: float(s * share * max(upper)) for n, s in zip(names, signs, strict=True)}
+        report, (first, second) = link.gripper(side), finger_joints(side)
+        if report is not None and first in robot.joint_names:
+            stroke_m = float(robot.model.upperPositionLimit[robot.indices((first,))[0]])
+            finger_m = reported_finger_m(report.percent, stroke_m)
+            joints |= {first: finger_m, second: -finger_m}
     return joints
 
 

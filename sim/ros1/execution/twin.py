@@ -20,6 +20,7 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
 from planner import Grip, GripperAction, Move
+from planner.grasping.hand import reported_finger_m
 from planner.state import State
 from sim.events import EventKind, Observer, opening_text
 from sim.samples import Sample, SampleObserver
@@ -99,8 +100,8 @@ class Twin:
             self._reports[side].state = state
             hand = self.world.hands.get(side)
             if hand is not None:
-                share = min(max(state.percent / 100.0, 0.0), 1.0)
-                self.world.set_fingers(side, share * hand.stroke_m)
+                finger_m = reported_finger_m(state.percent, hand.stroke_m)
+                self.world.set_fingers(side, finger_m)
         self._timeline.show()
 
     def sample(self, sample: Sample) -> None:

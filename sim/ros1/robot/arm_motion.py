@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.display import quoted
 from baxter_kin.fields import evolve, frozen, scalar
 from baxter_kin.kinematics.arm import MAX_SPEED_RAD_S
-from baxter_kin.limits import JointLimits
+from baxter_kin.kinematics.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_array
 from sim.errors import SimulationError
 from sim.timeline import Timeline

@@ -37,10 +37,9 @@ from sim.view.atlas.witnesses import (
     T_last_tip,
     pack,
 )
-from sim.view.encoding import Command, encoded, shared_geometries
-from sim.view.meshcat_commands import set_property
+from sim.view.meshcat_commands import Command, set_property, shared_geometries
 from sim.view.scenegraph import RobotTree, stage_commands
-from sim.view.webpage import page
+from sim.view.webpage import encoded, page
 
 TITLE = "Baxter: what it can reach"
 

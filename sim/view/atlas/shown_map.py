@@ -1,9 +1,8 @@
-"""What a page shows of a reach map: all positions, or every n-th along each axis of a large one."""
+"""ShownMap: all positions of a reach map, or every n-th along each axis of a large one."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import count
 
@@ -11,9 +10,7 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.atlas.reach_map import ReachMap
-from planner.atlas.reach_search import NOT_COMPUTED, RAD_PER_STEP, Codes, Steps
-
-Slices = tuple[slice, ...]
+from planner.atlas.reach_search import NOT_COMPUTED, RAD_PER_STEP, Codes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,14 +43,14 @@ class ShownMap:
         return points
 
 
-def thinning(found: ReachMap, most_cells: int) -> int:
+def thinning(found: ReachMap, max_cells: int) -> int:
     """The smallest n for which every n-th position along each axis fits into a number of cells."""
-    arms, rotations = len(found.arms), len(found.rotations)
-    cells = (
-        (every, arms * rotations * math.prod(map(len, _axes(found, every)))) for every in count(1)
+    per_position, longest = len(found.arms) * len(found.rotations), max(found.positions.shape)
+    return next(
+        every
+        for every in count(1)
+        if every >= longest or per_position * math.prod(map(len, _axes(found, every))) <= max_cells
     )
-    smallest = max(found.positions.shape)
-    return next(every for every, n in cells if n <= most_cells or every >= smallest)
 
 
 def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
@@ -63,62 +60,38 @@ def shown_part(found: ReachMap, every: int = 1) -> ShownMap:
         found: the map.
         every: n, to show every n-th position along each axis, including those of base's axes.
     """
-    axes, rotations = _axes(found, every), len(found.rotations)
-    shape = (len(found.arms), *map(len, axes))
-    codes = np.full((*shape, rotations), NOT_COMPUTED, np.int16)
-    witnesses = []
-    for block, inside, kept in _parts(found, every):
-        cells = found.read_block(block)
+    grid, axes = found.positions, _axes(found, every)
+    shape = (len(found.arms), *map(len, axes), len(found.rotations))
+    codes = np.full(shape, NOT_COMPUTED, np.int16)
+    order, witnesses = [np.zeros(0, np.intp)], [np.zeros((0, 7), np.int32)]
+    numbers = np.arange(codes.size).reshape(shape)
+    for block in found.computed_blocks():
+        pieces = found.grid.slices(block)
+        inside, place = [], [np.array([block[0]])]
+        for axis, piece in zip(axes, pieces, strict=True):
+            is_shown = (axis >= piece.start) & (axis < piece.stop)
+            inside.append(axis[is_shown] - piece.start)
+            place.append(np.flatnonzero(is_shown))
+        cells = found.read_block(block) if all(map(len, inside)) else None
         if cells is None:
             continue
-        sizes = tuple(s.stop - s.start for s in found.positions.block_slices(block[1:]))
-        margins = cells.margins.reshape(*sizes, rotations)[inside]
-        codes[block[0]][kept] = margins
-        steps = cells.witnesses.reshape(*sizes, 7, rotations)[inside].swapaxes(3, 4)
-        at = np.array(np.nonzero(margins >= 0))
-        at[:3] += np.array([[piece.start] for piece in kept])
-        witnesses.append((block[0], at, steps[margins >= 0]))
-    low = [
-        found.positions.step_m * (f + a[0])
-        for f, a in zip(found.positions.first, axes, strict=True)
-    ]
-    q = _in_order(witnesses, codes.shape)
-    return ShownMap(every, np.array(low), every * found.positions.step_m, codes, q)
+        sizes = [piece.stop - piece.start for piece in pieces]
+        margins = cells.margins.reshape(*sizes, -1)[np.ix_(*inside)]
+        steps = cells.witnesses.reshape(*sizes, 7, shape[4])[np.ix_(*inside)].swapaxes(3, 4)
+        codes[np.ix_(*place)] = margins
+        order.append(numbers[np.ix_(*place)][0][margins >= 0])
+        witnesses.append(steps[margins >= 0])
+    in_order = np.concatenate(witnesses)[np.argsort(np.concatenate(order))]
+    low_m = grid.point([int(axis[0]) for axis in axes])
+    q = RAD_PER_STEP * in_order.astype(np.float64)
+    return ShownMap(every, low_m, every * grid.step_m, codes, q)
 
 
-def _axes(found: ReachMap, every: int) -> tuple[range, ...]:
+def _axes(found: ReachMap, every: int) -> list[Indices]:
     """Indices of the shown positions along x, y and z: multiples of the wider step."""
     grid = found.positions
-    firsts = (-first % every for first in grid.first)
-    return tuple(
-        range(first if first < n else 0, n, every)
+    firsts = [-first % every for first in grid.first]
+    return [
+        np.arange(first if first < n else 0, n, every)
         for first, n in zip(firsts, grid.shape, strict=True)
-    )
-
-
-def _parts(
-    found: ReachMap, every: int
-) -> Iterator[tuple[tuple[int, int, int, int], Slices, Slices]]:
-    """Blocks with shown positions: the block, and the slices of it and of the shown part."""
-    axes = _axes(found, every)
-    for block in found.blocks:
-        inside, kept = [], []
-        for axis, piece in zip(axes, found.positions.block_slices(block[1:]), strict=True):
-            before = -(-max(piece.start - axis.start, 0) // every)
-            first = axis.start + before * every
-            inside.append(slice(first - piece.start, piece.stop - piece.start, every))
-            kept.append(slice(before, before + len(range(first, piece.stop, every))))
-        if all(piece.stop > piece.start for piece in kept):
-            yield block, tuple(inside), tuple(kept)
-
-
-def _in_order(witnesses: list[tuple[int, Indices, Steps]], shape: tuple[int, ...]) -> FloatArray:
-    """Witnesses of all blocks, in the order of the cells of the whole."""
-    if not witnesses:
-        return np.zeros((0, 7))
-    places = [
-        np.ravel_multi_index((np.full(at.shape[1], arm), *at), shape) for arm, at, _ in witnesses
     ]
-    order = np.argsort(np.concatenate(places))
-    q: FloatArray = RAD_PER_STEP * np.concatenate([steps for _, _, steps in witnesses])[order]
-    return q

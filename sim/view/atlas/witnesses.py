@@ -72,20 +72,20 @@ def pack(reach_map: ReachMap, shown: ShownMap) -> PackedWitnesses:
     at_zero = shown.q.copy()
     at_zero[:, 6] = wrapped(at_zero[:, 6] - rolls[cells[4] % len(rolls)])
     pairs = np.ravel_multi_index(tuple(cells), shown.codes.shape) // len(rolls)
-    example, which = _different(pairs, at_zero)
+    first, which = _different(pairs, at_zero)
     ranges = [_range(reach_map.robot.arm(side)) for side in reach_map.arms]
-    ranges_of = np.array(ranges).reshape(-1, 2, 7)[cells[0, example]]
+    ranges_of = np.array(ranges).reshape(-1, 2, 7)[cells[0, first]]
     low, span = ranges_of[:, 0], ranges_of[:, 1] - ranges_of[:, 0]
-    steps = np.rint((at_zero[example] - low) / span * _MAX_STEPS)
-    fails = _fail(reach_map, shown, which, low + steps * span / _MAX_STEPS)
-    in_order, first_of_pair = np.unique(pairs[example], return_index=True)
+    steps = np.rint((at_zero[first] - low) / span * _MAX_STEPS)
+    fails = _fail(reach_map, shown, first, which, low + steps * span / _MAX_STEPS)
+    in_order, first_of_pair = np.unique(pairs[first], return_index=True)
     begun = first_of_pair[np.searchsorted(in_order, pairs)]
     return PackedWitnesses(
         (which - begun).astype(np.uint8),
         steps[:, 0].astype(np.uint16),
         steps[:, 1:].T.astype(np.uint8),
         np.flatnonzero(fails).astype(np.uint32),
-        at_zero[example[fails]],
+        at_zero[first[fails]],
     )
 
 
@@ -102,39 +102,43 @@ def _range(arm: Arm) -> tuple[FloatArray, FloatArray]:
 
 
 def _different(pairs: Indices, q: FloatArray) -> tuple[Indices, Indices]:
-    """A cell of each different witness, sorted by pairs; and which witness each cell has."""
+    """The first cell of each different witness, sorted by pairs; and each cell's witness."""
     rounded = np.rint(q / RAD_PER_STEP).astype(np.int64)
     rounded[:, 6] = np.rint(q[:, 6] / 1e-6)  # w2 less its roll is a multiple of no step
     columns = np.column_stack([pairs, rounded])
-    _, example, which = np.unique(columns, axis=0, return_index=True, return_inverse=True)
-    return example, which.reshape(-1)
+    _, first, which = np.unique(columns, axis=0, return_index=True, return_inverse=True)
+    return first, which.reshape(-1)
 
 
 def _fail(
-    reach_map: ReachMap, shown: ShownMap, which: Indices, q_near: FloatArray
+    reach_map: ReachMap, shown: ShownMap, first: Indices, which: Indices, q_near: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether each witness fails: a cell does not get its configuration back."""
+    """Whether each witness fails: it misses its pose, or a cell that it serves.
+
+    Args:
+        reach_map: the map.
+        shown: its shown part.
+        first: the first cell of each witness, shape (n,).
+        which: the witness of each cell, shape (m,).
+        q_near: the rounded witnesses, w2 at roll zero, shape (n, 7), rad.
+    """
     cells, rotations = shown.cells, reach_map.rotations
-    fails = np.zeros(len(q_near), bool)
+    rolls = rotations.rolls[cells[4] % len(rotations.rolls)]
+    Ts = np.tile(np.eye(4), (len(first), 1, 1))
+    Ts[:, :3, 3] = shown.points(cells[:, first])
+    Ts[:, :3, :3] = rotations.matrices[cells[4, first]]
+    q = q_near.copy()
+    q[:, 6] = wrapped(q[:, 6] + rolls[first])
+    fails = np.zeros(len(first), bool)
     for index, side in enumerate(reach_map.arms):
-        own = np.flatnonzero(cells[0] == index)
-        arm = reach_map.robot.arm(side)
-        example, users = np.unique(which[own], return_inverse=True)
-        leader = own[np.unique(users, return_index=True)[1]]
-        rolls = rotations.rolls[cells[4] % len(rotations.rolls)]
-        Ts = np.tile(np.eye(4), (len(leader), 1, 1))
-        Ts[:, :3, 3] = shown.points(cells[:, leader])
-        Ts[:, :3, :3] = rotations.matrices[cells[4, leader]]
-        q = q_near[example]
-        q[:, 6] = wrapped(q[:, 6] + rolls[leader])
-        q, errors = polished(arm, q, Ts)
-        q[:, 6] -= rolls[leader]
-        q_all = q[users]
-        q_all[:, 6] = wrapped(q_all[:, 6] + rolls[own])
-        is_off = (q_all < arm.limits.q_min).any(axis=1) | (q_all > arm.limits.q_max).any(axis=1)
-        is_off |= np.abs(q_all - shown.q[own]).max(axis=1) > SAME_RAD
-        fails[example[errors > TOLERANCE]] = True
-        fails[which[own[is_off]]] = True
+        arm, own, of_cells = reach_map.robot.arm(side), cells[0, first] == index, cells[0] == index
+        q[own], errors = polished(arm, q[own], Ts[own])
+        fails[own] = errors > TOLERANCE
+        q_cells = q[which[of_cells]]
+        q_cells[:, 6] = wrapped(q_cells[:, 6] - rolls[first[which[of_cells]]] + rolls[of_cells])
+        is_off = (q_cells < arm.limits.q_min).any(axis=1) | (q_cells > arm.limits.q_max).any(axis=1)
+        is_off |= np.abs(q_cells - shown.q[of_cells]).max(axis=1) > SAME_RAD
+        fails[which[of_cells][is_off]] = True
     return fails
 
 

@@ -14,11 +14,11 @@ from planner import Body, Scene
 from sim.errors import ViewerError
 from sim.recording.recorded_motion import RecordedMove
 from sim.view.appearance import Appearance
-from sim.view.encoding import Command
-from sim.view.meshcat_commands import delete, set_property
+from sim.view.meshcat_commands import Command, delete, set_property
 from sim.view.overlays import (
     GOALS_PATH,
     NEAREST_PATH,
+    TipPath,
     frame_commands,
     frame_paths,
     hand_commands,
@@ -32,7 +32,6 @@ from sim.view.scenegraph import (
     pose_commands,
     stage_commands,
 )
-from sim.view.tip_path import TipPath
 
 JOINT_STEP = 1e-5
 """Motion of a joint that is sent, rad or m: a hundredth of a millimetre at the tip."""

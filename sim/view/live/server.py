@@ -32,8 +32,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from baxter_kin.display import quoted
 from baxter_kin.fields import NotCopied
 from sim.errors import ViewerError
-from sim.view.encoding import Command, packed
 from sim.view.live.pacing import SPEEDS, Pacing
+from sim.view.meshcat_commands import Command, packed
 from sim.view.webpage import live_page, viewer_bundle
 
 TITLE = "Baxter, live"

@@ -32,8 +32,14 @@ from sim.view.clearance import (
     ClearanceMeter,
     Hands,
 )
-from sim.view.gripper_status import GripperPhase, GripperStatus, sides_with_fingers
-from sim.view.panel import MIN_MOVED_RAD, limits_of, waypoints
+from sim.view.panel import (
+    MIN_MOVED_RAD,
+    GripperPhase,
+    GripperStatus,
+    limits_of,
+    sides_with_fingers,
+    waypoints,
+)
 
 MIN_FRAME_S = 1.0 / 60.0
 """Minimum time between two frames that are sent."""

@@ -29,19 +29,19 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.display import quoted
 from baxter_kin.fields import NotCopied
-from baxter_kin.model import given_or_stock
+from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array
 from planner import Body, Scene, State
 from sim.errors import ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import recorded_move
-from sim.view.encoding import encoded
-from sim.view.gripper_status import GripperPhase
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
 from sim.view.live.server import LiveServer
 from sim.view.live.shown_run import ShownRun
+from sim.view.panel import GripperPhase
 from sim.view.replay import FRAME_HEIGHT_PX, Replay, replay_content
+from sim.view.webpage import encoded
 
 MAX_WAIT_S = 86_400.0
 _EMPTY = State(Scene({}), {})

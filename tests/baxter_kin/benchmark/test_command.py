@@ -66,46 +66,28 @@ def test_defaults_are_every_scenario_and_every_solver() -> None:
     assert options.scenarios == tuple(Scenario)
     assert options.solvers[0] == "baxter-kin"
     assert len(options.solvers) > 1
-
-
-def test_both_means_either_arm() -> None:
-    assert parse(BenchmarkOptions, ["--limb", "both"]).limbs == ("left", "right")
+    assert (options.json, options.plot, options.urdf) == (None, None, None)
+    options = parse(BenchmarkOptions, ["--limb", "both", "--scenario", "near", "near"])
+    assert options.limbs == ("left", "right")
+    assert options.scenarios == (Scenario.NEAR,)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    "line",
     [
-        (["--count", "0"], "0 is not at least 1"),
-        (["--count", "many"], "'many' is not a whole number"),
-        (["--seed", "-1"], "-1 is not at least 0"),
-        (["--limb", "middle"], "invalid choice: 'middle'"),
-        (["--scenario", "easy"], "invalid choice: 'easy'"),
-        (["--solvers", "oracle"], "invalid choice: 'oracle'"),
-        (
-            ["--json", "/no/such/folder/a.json"],
-            "does not exist; make it first",
-        ),
-        (["--json", "/"], "cannot write /: it is a folder, not a regular file"),
-        (["--plot", "times.txt"], "cannot draw 'times.txt'"),
-        (["--plot", "times"], "cannot draw 'times'"),
-        (["--json", "a.svg", "--plot", "a.svg"], "name the same file"),
+        *("--count 0", "--count many", "--seed -1", "--limb middle", "--scenario easy"),
+        *("--solvers oracle", "--json /no/such/folder/a.json", "--json /", "--plot times.txt"),
+        *("--plot times", "--json a.svg --plot a.svg", "--jobs 2", "--rates-only --batch"),
+        "--rates-only --jobs 0",
     ],
 )
-def test_bad_arguments_end_with_status_2_and_one_sentence(
-    arguments: list[str],
-    complaint: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+def test_wrong_usage_is_one_sentence_and_status_2(
+    line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as exit_info:
-        main(arguments)
-    said = capsys.readouterr()
-    assert exit_info.value.code == 2
-    assert complaint in said.err
-    assert len(said.err.splitlines()) == 1
-    assert said.out == ""
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    assert ended.value.code == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_trying_outputs_leaves_no_file_and_changes_none(tmp_path: Path) -> None:
@@ -114,15 +96,3 @@ def test_trying_outputs_leaves_no_file_and_changes_none(tmp_path: Path) -> None:
     parse(BenchmarkOptions, ["--json", str(old), "--plot", str(new)])
     assert old.read_text("utf-8") == "kept"
     assert not new.exists()
-
-
-def test_a_scenario_given_twice_is_measured_once() -> None:
-    options = parse(BenchmarkOptions, ["--scenario", "near", "near"])
-    assert options.scenarios == (Scenario.NEAR,)
-
-
-def test_what_is_not_asked_for_is_not_done() -> None:
-    options = parse(BenchmarkOptions, [])
-    assert (options.json, options.plot, options.urdf) == (None, None, None)
-    assert not options.with_batch
-    assert not options.is_quiet

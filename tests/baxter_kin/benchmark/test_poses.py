@@ -21,7 +21,7 @@ from baxter_kin.benchmark.poses import (
     smallest_singular_value,
 )
 
-COUNT = 25
+COUNT = 12
 FULL_RANK = 1e-4
 """No uniform configuration of a few thousand has a smaller singular value."""
 

@@ -27,7 +27,6 @@ from baxter_kin.benchmark.solvers import (
     enter,
     ours,
     placements_about_z,
-    scientific,
 )
 from baxter_kin.validation import FloatArray
 from tests.conftest import at
@@ -50,10 +49,6 @@ def test_solver_that_cannot_start_is_absent_with_the_reason(left: Arm) -> None:
     assert absence.reason.startswith("odd could not start: TypeError")
 
 
-def test_every_peer_says_what_it_needs_and_how_to_install_it() -> None:
-    assert all(peer.needs and peer.install for peer in PEERS)
-
-
 def test_no_two_entrants_have_one_key() -> None:
     keys = [entrant.key for entrant in ENTRANTS]
     assert len(set(keys)) == len(keys)
@@ -67,13 +62,6 @@ def test_a_solver_of_another_chain_does_not_take_part(left: Arm, off: float) -> 
     absence = enter(Entrant("other", other), left)
     assert isinstance(absence, Absence)
     assert "forward kinematics differs from Pinocchio's" in absence.reason
-
-
-@pytest.mark.parametrize(
-    ("number", "text"), [(1e-5, "1e-5"), (4e-13, "4e-13"), (5e-7, "5e-7"), (1e-12, "1e-12")]
-)
-def test_tolerances_are_written_as_people_do(number: float, text: str) -> None:
-    assert scientific(number) == text
 
 
 def test_an_exception_is_told_by_its_class_and_first_line() -> None:
@@ -178,13 +166,3 @@ def test_an_offset_that_is_not_constant_keeps_it_out(
     absence = _enter(monkeypatch, _StandIn(left, drift=1e-9))
     assert isinstance(absence, Absence)
     assert "forward kinematics differs from Pinocchio's" in absence.reason
-
-
-def test_without_its_package_the_command_to_install_it_is_given(
-    left: Arm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    absence = enter(OPTIK, left)
-    assert isinstance(absence, Absence)
-    assert "optik is not installed" in absence.reason
-    assert "optik-py" in absence.reason

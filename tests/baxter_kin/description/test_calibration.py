@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -45,66 +44,57 @@ def without(text: str, *joints: str) -> str:
     return text
 
 
+def with_joint(text: str, parent: str) -> str:
+    """A text with another movable joint."""
+    knob = (
+        f'<link name="x"/><joint name="knob" type="revolute"><parent link="{parent}"/>'
+        '<child link="x"/><limit upper="1" velocity="1"/></joint></robot>'
+    )
+    return text.replace("</robot>", knob)
+
+
 @pytest.mark.parametrize(
-    ("joint", "pattern", "by", "reason"),
+    "text",
     [
-        ("left_s1", XYZ, 'origin rpy="-1.5708 0 0" xyz="0.069 0 0.23"', "lies 40.3 mm"),
-        ("left_e1", RPY, 'rpy="-1.57 -1.50 0"', "joint left_e1 is turned 71 mrad"),
-        ("left_e1", AXIS, 'axis xyz="0 0.1 1"', "axis of its joint left_e1 is turned 100 mrad"),
-        ("left_e1", AXIS, 'axis xyz="0 0 -1"', "turned 3142 mrad"),
-        ("left_e1", "revolute", "prismatic", "left_e1 is prismatic; Baxter's is revolute"),
-        ("left_e1", "revolute", "continuous", "'continuous'"),
-        ("left_e1", "revolute", "fixed", "left_e1 is fixed"),
-        ("pedestal_fixed", '"fixed"', '"revolute"', "pedestal_fixed has no <limit>"),
-        ("head_pan", '"torso"', '"left_wrist"', "head_pan is on left_w2; Baxter's is on base"),
-        ("left_s1", 'lower="[^"]*"', 'lower="2"', "left_s1 has an empty range"),
-        ("left_s1", 'lower="[^"]*"', 'lower="nan"', "left_s1 has lower 'nan'"),
-        (
-            "left_hand_camera_joint",
-            '"left_hand"',
-            '"left_wrist"',
-            "left_hand_camera_joint lies 113.5 mm",
+        *(
+            changed(served(), joint, pattern, by)
+            for joint, pattern, by in (
+                ("left_s1", XYZ, 'origin rpy="-1.5708 0 0" xyz="0.069 0 0.23"'),
+                ("left_e1", RPY, 'rpy="-1.57 -1.50 0"'),
+                ("left_e1", AXIS, 'axis xyz="0 0.1 1"'),
+                ("left_e1", AXIS, 'axis xyz="0 0 -1"'),
+                ("left_e1", "revolute", "prismatic"),
+                ("left_e1", "revolute", "continuous"),
+                ("left_e1", "revolute", "fixed"),
+                ("pedestal_fixed", '"fixed"', '"revolute"'),
+                ("head_pan", '"torso"', '"left_wrist"'),
+                ("head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.06 0 0.9"'),
+                ("left_s1", 'lower="[^"]*"', 'lower="2"'),
+                ("left_s1", 'lower="[^"]*"', 'lower="nan"'),
+                ("left_hand_camera_joint", '"left_hand"', '"left_wrist"'),
+            )
         ),
+        "<robot name='x'><link name='base'/></robot>",
+        '<robot name="x"><link name="base"/><joint name="arm_1" type="continuous"/></robot>',
+        without(served(), "left_w2"),
+        without(served(), "l_gripper_l_finger_joint"),
+        with_joint(served(), "torso"),
+        with_joint(served(), "left_hand"),
+        "this is no XML",
+        "<this is no XML",
+        b"",
     ],
+    ids=range(22),
 )
-def test_a_joint_of_no_baxter_is_named(joint: str, pattern: str, by: str, reason: str) -> None:
-    with pytest.raises(DescriptionError, match=reason) as refused:
-        Baxter.load(changed(served(), joint, pattern, by))
+def test_what_is_no_baxter_is_refused_in_a_sentence(text: str | bytes) -> None:
+    with pytest.raises(DescriptionError) as refused:
+        Baxter.load(text)
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("<robot name='x'><link name='base'/></robot>", "joint head_pan is missing"),
-        (without(served(), "left_w2"), "joint left_w2 is missing"),
-        (without(served(), "l_gripper_l_finger_joint"), "lacks l_gripper_l_finger_joint"),
-        ("this is no XML", "cannot be read"),
-        ("<this is no XML", "not XML"),
-        (b"", "not XML"),
-    ],
-)
-def test_texts_of_other_robots_are_refused(text: str | bytes, reason: str) -> None:
-    with pytest.raises(DescriptionError, match=reason):
-        Baxter.load(text)
-
-
-def test_a_joint_that_baxter_lacks_is_named() -> None:
-    stool = (
-        '<link name="stool"/><joint name="knob" type="revolute"><parent link="torso"/>'
-        '<child link="stool"/><limit upper="1" velocity="1"/></joint></robot>'
-    )
-    with pytest.raises(DescriptionError, match="joint knob is revolute, and not one of Baxter's"):
-        Baxter.load(served().replace("</robot>", stool))
-
-
-def test_movable_joint_on_a_hand_is_refused_with_advice() -> None:
-    jaw = (
-        '<link name="jaw"/><joint name="knuckle" type="revolute"><parent link="left_hand"/>'
-        '<child link="jaw"/><limit upper="1" velocity="1"/></joint></robot>'
-    )
-    text = served().replace("</robot>", jaw)
-    with pytest.raises(DescriptionError, match=r"knuckle is revolute.*hands=\{'left'"):
+def test_a_movable_joint_on_a_hand_is_refused_unless_another_hand_is_named() -> None:
+    text = with_joint(served(), "left_hand")
+    with pytest.raises(DescriptionError, match=r"hands=\{'left'"):
         Baxter.load(text)
     assert Baxter.load(text, hands={"left": None}).joint_names
 
@@ -112,30 +102,15 @@ def test_movable_joint_on_a_hand_is_refused_with_advice() -> None:
 def test_fingers_of_another_length_are_refused_with_advice(robot: Baxter) -> None:
     """Rethink's standard fingers are 37.7 mm shorter, and there is no body of them."""
     text = changed(served(), "r_gripper_r_finger_tip_joint", "0.1127", "0.075")
-    with pytest.raises(DescriptionError, match=r"lies 37\.7 mm .* by hands={'right': ...}") as no:
+    with pytest.raises(DescriptionError, match=r"by hands=\{'right'"):
         Baxter.load(text)
-    assert "not a Baxter" not in str(no.value)
     hands = {side: ElectricGripper() for side in ("left", "right")}
     assert Baxter.load(text, hands=hands).digest == robot.digest
 
 
-@pytest.mark.parametrize(
-    "joints",
-    ['<joint name="arm_1" type="continuous"/>', '<joint name="left_s0" type="fixed"/>'],
-)
-@pytest.mark.parametrize("root", ["base", "base_link"])
-def test_another_robot_is_first_of_all_none_that_this_toolkit_is_for(
-    root: str, joints: str
-) -> None:
-    text = f'<robot name="x"><link name="{root}"/>{joints}</robot>'
-    with pytest.raises(DescriptionError, match="used: this toolkit is for Baxter only; it"):
-        Baxter.load(text)
-
-
 @pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("kind", [str, str.encode])
-def test_files_of_real_robots_load(name: str, kind: Callable[[str], str | bytes]) -> None:
-    robot = Baxter.load(kind(variant(name)))
+def test_files_of_real_robots_load(name: str) -> None:
+    robot = Baxter.load(variant(name))
     again = Baxter.load(robot.description.text)
     assert again.description.text == robot.description.text
     assert again.digest == robot.digest
@@ -188,12 +163,6 @@ def test_older_head_is_replaced_and_parts_on_it_stay(
     assert any("head_pan 34.7 mm" in note for note in own.description.notes)
 
 
-def test_a_head_far_from_where_it_is_drawn_is_refused() -> None:
-    text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.06 0 0.9"')
-    with pytest.raises(DescriptionError, match=r"joint head_pan lies 214\.0 mm"):
-        Baxter.load(text)
-
-
 def test_calibrated_head_is_kept() -> None:
     text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.065 0 0.686"')
     robot = Baxter.load(text)
@@ -225,7 +194,7 @@ def test_limits_are_read_from_the_text_and_wider_ones_are_noted(
 
 
 def test_bounds_exceed_calibrations() -> None:
-    for seed in range(5):
+    for seed in range(3):
         text = served(seed, apart_m=0.7 * MAX_APART_M, turned_rad=0.45 * MAX_TURNED_RAD)
         assert Baxter.load(text).arm("left").limits.names[0] == "left_s0"
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import pickle
 import re
 import subprocess
 import sys
@@ -12,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, ElectricGripper
+from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.description import RobotDescription, RobotIdentity, StockFiles
 from baxter_kin.description.urdf import Urdf
 from baxter_kin.errors import ConfigurationError, DescriptionError
@@ -49,13 +48,6 @@ def worst_difference(first: pin.Model, second: pin.Model) -> float:
 BODY = pin.FrameType.BODY
 
 
-def test_finds_the_installed_files() -> None:
-    assert STOCK.urdf.is_file()
-    assert STOCK.srdf.is_file()
-    mesh = "example-robot-data/robots/baxter_description/meshes/head/H0.DAE"
-    assert (STOCK.package_dir / mesh).is_file()
-
-
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"lacks .*baxter\.urdf"):
         StockFiles.below(tmp_path)
@@ -70,7 +62,7 @@ def test_stock_robot_is_that_of_the_file(robot: Baxter) -> None:
         np.testing.assert_array_equal(getattr(robot.model, limit), getattr(whole, limit))
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("without", [(), ("left",), ("left", "right")])
 def test_kinematics_agree_with_pinocchio(seed: int, without: tuple[str, ...]) -> None:
     """From the original text, to the bit, since every number is kept."""
@@ -115,15 +107,6 @@ def test_stock_robot_from_its_file_is_the_stock_robot(robot: Baxter) -> None:
     assert Baxter.load(served(0, apart_m=0.0, turned_rad=0.0, shuffled=True)).digest != ""
 
 
-def test_digest_is_the_same_in_another_process(robot: Baxter) -> None:
-    code = "from baxter_kin import Baxter; print(Baxter.load().digest)"
-    found = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
-    assert found.stdout.strip() == robot.digest
-    assert re.fullmatch("[0-9a-f]{64}", robot.digest)
-
-
 def test_order_of_the_text_does_not_count() -> None:
     text = served(5)
     joints = re.findall(r"<joint.*?</joint>", text, re.DOTALL)
@@ -134,41 +117,28 @@ def test_order_of_the_text_does_not_count() -> None:
     assert Baxter.load(turned).description == Baxter.load(text).description
 
 
-def test_meshes_are_never_opened(tmp_path: Path) -> None:
+def test_in_another_process_the_digest_is_the_same_and_no_mesh_is_opened(tmp_path: Path) -> None:
     """None of the files that the process opens while loading is named in the text."""
     path = tmp_path / "robot.urdf"
     path.write_text(served(1).replace("package://baxter_description", str(tmp_path / "away")))
     code = (
         "import sys; opened = []; sys.addaudithook("
         "lambda event, args: opened.append(str(args[0])) if event == 'open' else None);"
-        f"from baxter_kin import Baxter; Baxter.load({str(path)!r});"
+        f"from baxter_kin import Baxter; print(Baxter.load({str(path)!r}).digest);"
         "print([name for name in opened if 'away' in name or name.endswith(('.DAE', '.STL'))])"
     )
     found = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
-    assert found.stdout.strip() == "[]"
+    assert found.stdout.split() == [Baxter.load(path).digest, "[]"]
+    assert re.fullmatch("[0-9a-f]{64}", Baxter.load(path).digest)
     assert "away" not in Baxter.load(path).description.text
 
 
-@pytest.mark.parametrize("given", [5, dict, ["x"], np.zeros(3)])
-def test_other_classes_than_path_and_text_are_refused(given: Any) -> None:
-    with pytest.raises(DescriptionError, match="given by its path, or as text or bytes"):
+@pytest.mark.parametrize("given", [5, ["x"], Path("/nowhere"), Path("/tmp"), Path("/dev/null")])
+def test_what_is_neither_text_nor_a_regular_file_is_refused(given: Any) -> None:
+    with pytest.raises(DescriptionError):
         Baxter.load(given)
-
-
-def test_a_folder_a_pipe_and_nothing_are_refused(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "away", Path("/dev/null")):
-        with pytest.raises(DescriptionError, match="cannot be read"):
-            Baxter.load(path)
-
-
-def test_can_be_pickled(arm: Arm) -> None:
-    robot = Baxter.load(served(6))
-    again = pickle.loads(pickle.dumps(robot))
-    assert again.digest == robot.digest
-    q = arm.neutral
-    assert again.arm(arm.side).T_base_tip(q) == robot.arm(arm.side).T_base_tip(q)
 
 
 def test_the_installed_description_is_the_stock_robot(robot: Baxter) -> None:
@@ -255,7 +225,7 @@ def test_a_body_counts_where_both_have_one(tree: Urdf) -> None:
 
 
 def test_every_calibration_has_a_digest_of_its_own() -> None:
-    texts = [served(seed) for seed in range(10)]
+    texts = [served(seed) for seed in range(4)]
     assert len({Baxter.load(text).digest for text in texts}) == len(texts)
 
 

@@ -52,25 +52,18 @@ def test_invalid_shapes_are_refused(changes: dict[str, Any]) -> None:
         UrdfShape(**(arguments | changes))
 
 
-def test_a_tree_has_every_joint_on_its_root() -> None:
-    circle = (
-        UrdfJoint("j", JointKind.FIXED, "a", "b"),
-        UrdfJoint("k", JointKind.FIXED, "b", "a"),
-    )
-    with pytest.raises(DescriptionError, match="joint j is not on 'base'"):
-        Urdf("base", circle)
-
-
 @pytest.mark.parametrize(
-    ("joints", "reason"),
+    "joints",
     [
-        ((fixed("j", "base", "a"), fixed("j", "a", "b")), "its joint j is there more than once"),
-        ((fixed("j", "base", "a"), fixed("k", "base", "a")), "its link a is there more than once"),
-        ((fixed("j", "base", "base"),), "its link base is there more than once"),
+        (fixed("j", "a", "b"), fixed("k", "b", "a")),
+        (fixed("j", "base", "a"), fixed("j", "a", "b")),
+        (fixed("j", "base", "a"), fixed("k", "base", "a")),
+        (fixed("j", "base", "base"),),
     ],
+    ids=["a circle", "a joint twice", "a link twice", "the root twice"],
 )
-def test_a_name_that_is_there_twice_is_refused(joints: tuple[UrdfJoint, ...], reason: str) -> None:
-    with pytest.raises(DescriptionError, match=reason):
+def test_what_is_no_tree_of_unique_names_is_refused(joints: tuple[UrdfJoint, ...]) -> None:
+    with pytest.raises(DescriptionError):
         Urdf("base", joints)
 
 
@@ -128,7 +121,7 @@ names = st.sampled_from(
 )
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(names, names), max_size=6, unique_by=(lambda n: n[0], lambda n: n[1])))
 def test_names_of_what_is_mounted_never_matter(robot: Baxter, added: list[tuple[str, str]]) -> None:
     """Each is mounted on the one before; Pinocchio finds every frame by its name alone."""

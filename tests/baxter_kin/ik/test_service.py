@@ -29,28 +29,8 @@ from baxter_kin.ik import (
     solutions,
     trace_self_motion,
 )
-from baxter_kin.ik.service import BLOCK, Requests
+from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
-
-
-def test_batch_names_the_bad_seed(left: Arm, ik: IKService) -> None:
-    with pytest.raises(ConfigurationError, match=r"seeds\[1\] has shape \(3,\)"):
-        ik.solve_batch([overhead(0.7, 0.0, 0.0)] * 2, seeds=[left.start, np.zeros(3)])
-
-
-def test_seed_far_outside_the_limits_is_refused_by_name(left: Arm, ik: IKService) -> None:
-    with pytest.raises(ConfigurationError, match=r"left_e1 = -0\.5 rad is outside -0\.05"):
-        ik.solve(overhead(0.7, 0.0, 0.0), current=left.start * [1, 1, 1, 0, 1, 1, 1] - 0.5 * E1)
-
-
-E1 = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-
-
-def test_seed_a_little_outside_the_limits_is_clamped(left: Arm, ik: IKService) -> None:
-    """Arms at rest report values slightly beyond their limits."""
-    q = np.array(left.start)
-    q[3] = left.limits.q_max[3] + 0.01
-    assert ik.solve(overhead(0.7, 0.15, -0.129), current=q).is_valid
 
 
 def test_seed_may_be_given_by_joint_name(left: Arm, ik: IKService) -> None:
@@ -59,66 +39,29 @@ def test_seed_may_be_given_by_joint_name(left: Arm, ik: IKService) -> None:
     np.testing.assert_array_equal(by_name.q, ik.solve(T, seed=left.start).q)
 
 
-def test_batch_of_unknown_length_is_refused_with_a_hint_at_the_stream(
-    ik: IKService, left: Arm
+def test_seeds_of_any_form_lead_to_the_same_solutions(left: Arm, ik: IKService) -> None:
+    """Arrays are checked together, other forms one by one; a pose may have no seed."""
+    rng = np.random.default_rng(1)
+    qs = [left.random_configuration(rng) for _ in range(20)]
+    Ts = [left.T_base_tip(left.random_configuration(rng)) for _ in qs]
+    arrays = ik.solve_batch(Ts, seeds=qs)
+    others = ik.solve_batch([*Ts, Ts[0]], seeds=[*(q.tolist() for q in qs), None])
+    for one, other in zip(arrays, others, strict=False):
+        np.testing.assert_array_equal(one.q, other.q)
+    np.testing.assert_array_equal(others[-1].q, ik.solve(Ts[0]).q)
+
+
+def test_a_bad_pose_or_seed_far_on_in_a_batch_is_named_by_its_number(
+    left: Arm, ik: IKService
 ) -> None:
-    endless = itertools.repeat(left.T_base_tip(left.neutral))
-    with pytest.raises(RequestError, match="solve_stream takes any iterable"):
-        ik.solve_batch(endless)  # type: ignore[arg-type]
-    with pytest.raises(RequestError, match="a batch takes up to"):
-        ik.solve_batch(range(10**12))
-
-
-def test_masked_seeds_are_refused(ik: IKService, left: Arm) -> None:
-    T, q = left.T_base_tip(left.neutral), np.ma.array(left.neutral, mask=[True] + [False] * 6)
-    for ask in (
-        lambda: ik.solve(T, q),
-        lambda: ik.solve(T, current=q),
-        lambda: ik.solve_batch([T], [q]),
-        lambda: ik.solve_batch([T, T], [left.neutral, q]),
-    ):
-        with pytest.raises(ConfigurationError, match="masked"):
-            ask()
-
-
-def test_bad_pose_far_on_in_a_batch_is_named_by_its_number(left: Arm, ik: IKService) -> None:
     poses: list[Any] = [left.T_base_tip(left.start)] * (BLOCK + 3)
     poses[BLOCK + 1] = np.zeros((4, 4))
     with pytest.raises(PoseError, match=rf"^poses\[{BLOCK + 1}\]: "):
         ik.solve_batch(poses)
-
-
-def test_blocks_hold_every_pose_and_its_seed_once_and_in_order(left: Arm) -> None:
-    count = 2 * BLOCK + 3
-    whole = Requests(list(range(count)), list(range(count)), left.start, SeedMode.AUTO)
-    blocks = list(whole.blocks())
-    assert [len(block.poses) for block in blocks] == [BLOCK, BLOCK, 3]
-    assert [block.first for block in blocks] == [0, BLOCK, 2 * BLOCK]
-    for each in (
-        [pose for block in blocks for pose in block.poses],
-        [seed for block in blocks if block.seeds is not None for seed in block.seeds],
-    ):
-        assert each == list(range(count))
-    assert {block.mode for block in blocks} == {SeedMode.AUTO}
-
-
-def test_table_of_seeds_has_nan_for_a_missing_seed(left: Arm) -> None:
-    seeds = [left.start, None, left.joints(left.neutral)]
-    table = Requests([None] * 3, seeds, left.start, SeedMode.AUTO).seed_table(left)
-    np.testing.assert_array_equal(table[SeedType.USER][[0, 2]], [left.start, left.neutral])
-    assert np.isnan(table[SeedType.USER][1]).all()
-    np.testing.assert_array_equal(table[SeedType.CURRENT], [left.start] * 3)
-    assert Requests([None], None, None, SeedMode.AUTO).seed_table(left) == {}
-
-
-def test_arrays_are_taken_together_as_they_are_one_by_one(left: Arm) -> None:
-    rng = np.random.default_rng(1)
-    arrays = [left.random_configuration(rng) for _ in range(20)]
-    together, apart = (
-        Requests([None] * 20, seeds, None, SeedMode.AUTO).seed_table(left)[SeedType.USER]
-        for seeds in (arrays, [q.tolist() for q in arrays])
-    )
-    np.testing.assert_array_equal(together, apart)
+    seeds: list[Any] = [None] * len(poses)
+    seeds[BLOCK + 2] = np.zeros(3)
+    with pytest.raises(ConfigurationError, match=rf"seeds\[{BLOCK + 2}\] "):
+        ik.solve_batch([left.T_base_tip(left.start)] * len(poses), seeds=seeds)
 
 
 def test_a_seed_a_little_outside_the_limits_is_clamped_whatever_its_form(
@@ -152,7 +95,7 @@ def test_solves_the_neighbourhood_of_the_demo_poses_from_the_map_alone(
     service, rng = IKService(arm), np.random.default_rng(7)
     side = 1.0 if arm.side == "left" else -1.0
     for x, y, z in [(0.70, 0.15, -0.129), (0.75, 0.0, -0.129), (0.72, 0.075, -0.129)]:
-        for _ in range(20):
+        for _ in range(8):
             dx, dy, dz = rng.uniform(-0.05, 0.05, 3)
             T = overhead(x + dx - 0.05, side * (y + dy), z + dz + 0.05)
             assert_solves(service.solve(T, mode=SeedMode.NS_MAP), T, robot, arm)
@@ -171,12 +114,6 @@ def test_solves_a_pose_near_the_current_angles_anywhere(robot: Baxter, arm: Arm)
 def test_solution_at_a_seed_that_already_fits_is_the_seed(left: Arm, ik: IKService) -> None:
     result = ik.solve(left.T_base_tip(left.start), seed=left.start)
     np.testing.assert_allclose(result.q, left.start, atol=1e-8)
-
-
-def test_same_request_gets_the_same_answer(left: Arm) -> None:
-    T = overhead(0.70, 0.15, -0.129)
-    once, again = (IKService(left).solve(T, current=left.start) for _ in range(2))
-    np.testing.assert_array_equal(once.q, again.q)
 
 
 def test_auto_tries_user_then_current_then_map(left: Arm, ik: IKService) -> None:
@@ -204,16 +141,12 @@ def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKServi
 
 def test_solvers_of_tolerances_are_kept_in_bounded_memory(left: Arm) -> None:
     service, T = IKService(left), left.T_base_tip(left.start)
-    for i in range(40):
+    for i in range(20):
         tolerance = Tolerance.position_only(1e-3 * (1 + i))
         assert service.solve(T, left.start, tolerance=tolerance).is_valid
         assert service.solve(T, left.start, tolerance=tolerance).is_valid
     kept = service._within.cache_info()
-    assert (kept.currsize, kept.hits) == (16, 40)
-
-
-def test_empty_batch_has_an_empty_answer(ik: IKService) -> None:
-    assert ik.solve_batch([]) == []
+    assert (kept.currsize, kept.hits) == (16, 20)
 
 
 @pytest.mark.parametrize("chain", [False, True])
@@ -228,7 +161,7 @@ def test_progress_adds_up_to_the_number_of_poses(left: Arm, ik: IKService, chain
 def test_objective_chooses_among_all_pieces_unless_told_otherwise(robot: Baxter, arm: Arm) -> None:
     ik, rng = IKService(arm), np.random.default_rng(13)
     differ = 0
-    for _ in range(8):
+    for _ in range(4):
         T, kind = arm.T_base_tip(arm.random_configuration(rng)), NearestTo(arm.neutral)
         first, here = ik.solve(T), ik.solve(T, objective=kind, scope="curve")
         everywhere = ik.solve(T, objective=kind)
@@ -244,13 +177,6 @@ def test_objective_chooses_among_all_pieces_unless_told_otherwise(robot: Baxter,
     assert differ
 
 
-@pytest.mark.parametrize("scope", [Scope.ALL, Scope.CURVE])
-def test_scope_may_be_given_by_name(ik: IKService, left: Arm, scope: Scope) -> None:
-    T, kind = left.T_base_tip(left.neutral), FarthestFromLimits()
-    one, other = (ik.solve(T, objective=kind, scope=given) for given in (scope, scope.value))
-    np.testing.assert_array_equal(one.q, other.q)
-
-
 def test_an_endless_stream_is_read_in_blocks(ik: IKService, left: Arm) -> None:
     read = itertools.count()
     T = left.T_base_tip(left.neutral)
@@ -262,7 +188,7 @@ def test_an_endless_stream_is_read_in_blocks(ik: IKService, left: Arm) -> None:
 @pytest.mark.parametrize("backend", ["auto", "casadi"])
 def test_poses_of_a_calibrated_arm_are_solved(any_arm: Arm, backend: str) -> None:
     ik, rng = IKService(any_arm, backend), np.random.default_rng(31)
-    qs = [any_arm.random_configuration(rng) for _ in range(200)]
+    qs = [any_arm.random_configuration(rng) for _ in range(100 if backend == "auto" else 20)]
     Ts = [any_arm.T_base_tip(q) for q in qs]
     results = [*(ik.solve(T) for T in Ts), *ik.solve_batch(Ts), *ik.solve_batch(Ts, seeds=qs)]
     for T, result in zip(Ts * 3, results, strict=True):
@@ -280,7 +206,7 @@ def test_tasks_of_a_calibrated_arm_are_solved(any_arm: Arm, axis: str) -> None:
     tolerance, rng = Tolerance.about(axis), np.random.default_rng(32)
     for arm in (any_arm, tool):
         ik = IKService(arm)
-        for _ in range(50):
+        for _ in range(15):
             T = arm.T_base_tip(arm.random_configuration(rng))
             result = ik.solve(
                 T * pin.SE3(pin.exp3(np.eye(3)["xyz".index(axis)]), np.zeros(3)),
@@ -291,6 +217,8 @@ def test_tasks_of_a_calibrated_arm_are_solved(any_arm: Arm, axis: str) -> None:
 
 
 POSE = overhead(0.7, 0.0, 0.0)
+FAR_OUT = np.array([0.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.0])
+MASKED = np.ma.array(np.zeros(7), mask=[True] + [False] * 6)
 
 
 @pytest.mark.parametrize(
@@ -301,20 +229,28 @@ POSE = overhead(0.7, 0.0, 0.0)
         *(("solve", {"seed": seed}, ConfigurationError) for seed in (np.zeros(6), "seed", 5)),
         *(("solve", {"seed": [bad] * 7}, ConfigurationError) for bad in (math.nan, math.inf)),
         ("solve", {"seed": {"right_s0": 0.0}}, UnknownNameError),
+        *(("solve", {name: FAR_OUT}, ConfigurationError) for name in ("seed", "current")),
+        *(("solve", {name: MASKED}, ConfigurationError) for name in ("seed", "current")),
+        *(
+            ("solve_batch", {"seeds": [np.zeros(7), q]}, ConfigurationError)
+            for q in (FAR_OUT, MASKED, FAR_OUT.tolist())
+        ),
+        ("solve", {"tolerance": 0.1}, RequestError),
+        (
+            "solve",
+            {"objective": FarthestFromLimits(), "tolerance": Tolerance.position_only()},
+            RequestError,
+        ),
         ("solve", {"mode": 9}, UnknownNameError),
         *(("solve", {"objective": given}, RequestError) for given in (5, "best", SeedType)),
         *(("solve", {"scope": scope}, RequestError) for scope in ("all", Scope.ALL, "x")),
         ("solve", {"objective": FarthestFromLimits(), "scope": "everything"}, UnknownNameError),
-        ("solve", {"objective": FarthestFromLimits(), "scope": b"all"}, UnknownNameError),
-        ("solve", {"objective": FarthestFromLimits(), "scope": np.zeros(3)}, UnknownNameError),
-        ("solve", {"objective": FarthestFromLimits(), "scope": []}, UnknownNameError),
         *(("solve_batch", {"T_base_tips": poses}, RequestError) for poses in (None, 3, "pose")),
         ("solve_batch", {"T_base_tips": {"a": 1}}, RequestError),
         ("solve_batch", {"T_base_tips": itertools.repeat(POSE)}, RequestError),
         ("solve_batch", {"T_base_tips": range(10**12)}, RequestError),
         *(("solve_batch", {"seeds": [None] * count}, RequestError) for count in (0, 1, 3)),
         *(("solve_batch", {"chain": chain}, RequestError) for chain in ("no", 1, None)),
-        ("solve_batch", {"chain": np.zeros(3)}, RequestError),
         ("solve_batch", {"progress": 5}, RequestError),
         *(("solve_stream", {"T_base_tips": poses}, RequestError) for poses in (5, None, "poses")),
         ("solve_stream", {"T_base_tips": {"a": 1}}, RequestError),

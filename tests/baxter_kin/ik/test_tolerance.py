@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, IKService, SeedType
+from baxter_kin import Arm, Baxter, IKService, SeedType
 from baxter_kin.errors import RequestError, UnknownNameError
-from baxter_kin.ik import Backend, NearestTo
+from baxter_kin.ik import Backend
 from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.tolerance import FREE, Tolerance
 from tests.conftest import at
@@ -27,35 +27,16 @@ def deviated(T: pin.SE3, displacement: list[float], rotation: list[float]) -> pi
     return T * pin.SE3(pin.exp3(np.array(rotation)), np.array(displacement))
 
 
-@given(st.lists(small, min_size=6, max_size=6), st.lists(small, min_size=6, max_size=6))
-def test_without_tolerance_the_excess_is_distance_and_angle(
-    where: list[float], by: list[float]
+@pytest.mark.parametrize("bounds", [0.0, 0.2])
+@given(where=st.lists(small, min_size=6, max_size=6), by=st.lists(small, min_size=6, max_size=6))
+def test_excess_is_zero_inside_and_the_rest_outside(
+    where: list[float], by: list[float], bounds: float
 ) -> None:
     T = pin.exp6(np.array(where))
-    distance, angle = Tolerance().excess(T, deviated(T, by[:3], by[3:]))
-    assert distance == pytest.approx(np.linalg.norm(by[:3]), abs=ROUNDING)
-    assert angle == pytest.approx(np.linalg.norm(by[3:]), abs=ROUNDING)
-
-
-@given(st.lists(small, min_size=6, max_size=6), st.lists(small, min_size=6, max_size=6))
-def test_excess_is_zero_inside_and_the_rest_outside(where: list[float], by: list[float]) -> None:
-    T, bounds = pin.exp6(np.array(where)), 0.2
     tolerance = Tolerance((bounds,) * 3, (bounds,) * 3)
     excess = tolerance.excess(T, deviated(T, by[:3], by[3:]))
     outside = [np.linalg.norm(np.maximum(np.abs(part) - bounds, 0.0)) for part in (by[:3], by[3:])]
     assert excess == pytest.approx(outside, abs=ROUNDING)
-
-
-@pytest.mark.parametrize("axis", ["x", "y", "z"])
-@given(roll=st.floats(-10.0, 10.0), tilt=st.floats(0.0, 3.0), towards=st.floats(-4.0, 4.0))
-def test_about_an_axis_only_its_tilt_counts(
-    axis: str, roll: float, tilt: float, towards: float
-) -> None:
-    unit = np.eye(3)["xyz".index(axis)]
-    aside = pin.exp3(towards * unit) @ np.roll(unit, 1)  # any direction across the axis
-    R = pin.exp3(tilt * aside) @ pin.exp3(roll * unit)
-    _, angle = Tolerance.about(axis).excess(pin.SE3.Identity(), pin.SE3(R, np.zeros(3)))
-    assert angle == pytest.approx(tilt, abs=1e-7)
 
 
 angles = st.floats(-np.pi, np.pi)
@@ -88,26 +69,6 @@ def test_outside_a_cone_the_excess_is_the_rest_of_the_lean(
 
 
 @axes
-@given(tilts=st.tuples(bounds, bounds), lean=st.floats(0.0, 3.0), towards=angles)
-def test_a_wider_cone_allows_all_that_a_narrower_one_does(
-    axis: str, tilts: tuple[float, float], lean: float, towards: float
-) -> None:
-    narrow, wide = (Tolerance.about(axis, tilt_rad=tilt) for tilt in sorted(tilts))
-    reached = leaning(axis, lean, towards)
-    assert excess_rad(wide, reached) <= excess_rad(narrow, reached)
-
-
-@axes
-@given(tilt=bounds, lean=st.floats(0.0, 3.0), directions=st.tuples(angles, angles), roll=angles)
-def test_a_cone_does_not_mind_the_direction_of_the_lean(
-    axis: str, tilt: float, lean: float, directions: tuple[float, float], roll: float
-) -> None:
-    tolerance = Tolerance.about(axis, tilt_rad=tilt)
-    one, other = (excess_rad(tolerance, leaning(axis, lean, d, roll)) for d in directions)
-    assert one == pytest.approx(other, abs=1e-7)
-
-
-@axes
 @given(tilt=bounds, lean=st.floats(0.0, 3.0), towards=angles, roll=angles)
 def test_a_box_contains_the_cone_of_its_half_width(
     axis: str, tilt: float, lean: float, towards: float, roll: float
@@ -115,14 +76,6 @@ def test_a_box_contains_the_cone_of_its_half_width(
     cone, box = Tolerance.about(axis, tilt_rad=tilt), Tolerance.tilt_box(axis, tilt_rad=tilt)
     reached = leaning(axis, lean, towards, roll)
     assert excess_rad(box, reached) <= excess_rad(cone, reached) + ROUNDING
-
-
-def test_about_is_a_cone_that_ends_at_five_degrees_where_the_box_goes_on_to_seven() -> None:
-    five = np.radians(5.0)
-    corner = pin.SE3(pin.exp3(np.array([five, five, 0.0])), np.zeros(3))
-    cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
-    assert np.degrees(excess_rad(cone, corner)) == pytest.approx(5 * np.sqrt(2) - 5, abs=1e-9)
-    assert excess_rad(box, corner) == pytest.approx(0.0, abs=ROUNDING)
 
 
 @given(widths=st.tuples(bounds, bounds, bounds), roll=angles)
@@ -147,12 +100,8 @@ def test_a_cone_of_no_width_is_any_rotation_about_the_axis(axis: str) -> None:
     assert Tolerance.about(axis, tilt_rad=0.0) == Tolerance.about(axis)
     assert Tolerance.about(axis) == Tolerance.tilt_box(axis, tilt_rad=0.0)
     assert Tolerance.about(axis) == Tolerance(rotation_rad=rotation)
-
-
-def test_a_box_may_have_two_widths() -> None:
     box = Tolerance.tilt_box("y", tilt_rad=(0.1, 0.2))
-    assert box == Tolerance(rotation_rad=(0.1, FREE, 0.2))
-    assert box != Tolerance.about("y", tilt_rad=0.1)
+    assert box == Tolerance(rotation_rad=(0.1, FREE, 0.2)) != Tolerance.about("y", tilt_rad=0.1)
 
 
 @given(st.lists(small, min_size=3, max_size=3), st.lists(small, min_size=3, max_size=3))
@@ -170,37 +119,25 @@ ABOUT_Z = (0.0, 0.0, FREE)
 @pytest.mark.parametrize(
     ("make", "arguments", "error"),
     [
-        (Tolerance, {"position_m": (0.0, -0.1, 0.0)}, RequestError),
-        (Tolerance, {"position_m": (0.0, math.nan, 0.0)}, RequestError),
-        (Tolerance, {"position_m": (0.0, 0.0)}, RequestError),
-        (Tolerance, {"position_m": 0.1}, RequestError),
-        (Tolerance, {"position_m": "abc"}, RequestError),
+        *(
+            (Tolerance, {"position_m": given}, RequestError)
+            for given in ((0.0, -0.1, 0.0), (0.0, math.nan, 0.0), (0.0, 0.0), 0.1, "abc")
+        ),
         (Tolerance, {"rotation_rad": (FREE, FREE, 0.0)}, RequestError),
-        (Tolerance, {"rotation_rad": (2.0, 0.0, 0.0)}, RequestError),
-        (Tolerance, {"rotation_rad": ABOUT_Z, "tilt_rad": -0.1}, RequestError),
-        (Tolerance, {"rotation_rad": ABOUT_Z, "tilt_rad": 1.6}, RequestError),
-        (Tolerance, {"rotation_rad": ABOUT_Z, "tilt_rad": FREE}, RequestError),
-        (Tolerance, {"rotation_rad": ABOUT_Z, "tilt_rad": "5 deg"}, RequestError),
+        (Tolerance, {"rotation_rad": (1.6, 0.0, 0.0)}, RequestError),
+        *(
+            (Tolerance, {"rotation_rad": ABOUT_Z, "tilt_rad": given}, RequestError)
+            for given in (-0.1, 1.6, FREE, "5 deg")
+        ),
         (Tolerance, {"tilt_rad": 0.1}, RequestError),
         (Tolerance, {"rotation_rad": (FREE, FREE, FREE), "tilt_rad": 0.1}, RequestError),
         (Tolerance, {"rotation_rad": (0.1, 0.1, FREE), "tilt_rad": 0.1}, RequestError),
-        (Tolerance.position_only, {"position_m": [1, 2]}, RequestError),
-        (Tolerance.position_only, {"position_m": [[1.0]]}, RequestError),
-        (Tolerance.position_only, {"position_m": np.ones(4)}, RequestError),
-        (Tolerance.position_only, {"position_m": "0.1"}, RequestError),
-        (Tolerance.position_only, {"position_m": None}, RequestError),
-        (Tolerance.position_only, {"position_m": True}, RequestError),
-        (Tolerance.about, {"axis": "z", "tilt_rad": "a"}, RequestError),
-        (Tolerance.about, {"axis": "z", "tilt_rad": None}, RequestError),
-        (Tolerance.about, {"axis": "z", "tilt_rad": [0.1]}, RequestError),
-        (Tolerance.about, {"axis": "z", "tilt_rad": True}, RequestError),
+        *(
+            (Tolerance.position_only, {"position_m": given}, RequestError)
+            for given in ([1, 2], [[1.0]], "0.1", None)
+        ),
         (Tolerance.about, {"axis": "z", "tilt_rad": math.nan}, RequestError),
-        (Tolerance.about, {"axis": "w"}, UnknownNameError),
-        (Tolerance.about, {"axis": "xyz"}, UnknownNameError),
-        (Tolerance.about, {"axis": 5}, UnknownNameError),
-        (Tolerance.about, {"axis": None}, UnknownNameError),
-        (Tolerance.about, {"axis": ["z"]}, UnknownNameError),
-        (Tolerance.about, {"axis": np.zeros(3)}, UnknownNameError),
+        *((Tolerance.about, {"axis": axis}, UnknownNameError) for axis in ("w", "xyz", 5)),
         (Tolerance.tilt_box, {"axis": "w", "tilt_rad": 0.1}, UnknownNameError),
         (Tolerance.tilt_box, {"axis": "z", "tilt_rad": (0.1, 0.2, 0.3)}, RequestError),
         (Tolerance().excess, {"T_base_target": 5, "T_base_tip": at(1.0, 0.0, 0.0)}, RequestError),
@@ -218,12 +155,6 @@ def test_tolerances_compare_by_value() -> None:
     made_of_lists: Any = [0.0, 0.0, 0.1], np.zeros(3)
     assert Tolerance(*made_of_lists) == Tolerance((0.0, 0.0, 0.1))
     assert hash(Tolerance(*made_of_lists)) == hash(Tolerance((0.0, 0.0, 0.1)))
-
-
-@pytest.mark.parametrize("bounds", [{"rotation_rad": (5.0, 5.0, 5.0)}, {"tilt_rad": 5.0}])
-def test_bounds_in_degrees_get_a_hint(bounds: dict[str, Any]) -> None:
-    with pytest.raises(RequestError, match=r"are these degrees\? .* 5 deg is 0.08727 rad"):
-        Tolerance(**bounds)
 
 
 WITHIN = 1e-6
@@ -246,11 +177,15 @@ TOLERANCES = {
 }
 
 
-@pytest.fixture(scope="module", params=["gripper", "camera", "tool"])
-def tipped(arm: Arm, request: pytest.FixtureRequest) -> Arm:
-    """The arm with one tip or another."""
-    tips = {"gripper": arm.gripper_frame, "camera": f"{arm.side}_hand_camera", "tool": TOOL}
-    return arm.with_tip(tips[request.param])
+@pytest.fixture(
+    scope="module",
+    params=[("left", "left_gripper"), ("right", "right_hand_camera"), ("left", TOOL)],
+    ids=["gripper", "camera", "tool"],
+)
+def tipped(robot: Baxter, request: pytest.FixtureRequest) -> Arm:
+    """An arm with one tip or another."""
+    side, tip = request.param
+    return robot.arm(side).with_tip(tip)
 
 
 @pytest.fixture(scope="module")
@@ -272,21 +207,17 @@ def reachable(arm: Arm, count: int, seed: int) -> list[pin.SE3]:
 def test_every_reachable_pose_is_solved_within_its_tolerance(
     tipped: Arm, service: IKService, name: str
 ) -> None:
-    tolerance, poses = TOLERANCES[name], reachable(tipped, 200, 1)
+    tolerance, poses = TOLERANCES[name], reachable(tipped, 60, 1)
     for T, result in zip(poses, service.solve_batch(poses, tolerance=tolerance), strict=True):
         assert result.is_valid, str(result.failure)
         excess = tolerance.excess(T, tipped.T_base_tip(result.q))
         assert max(excess) <= WITHIN
+        if min(tolerance.position_m) > 0.0 and min(tolerance.rotation_rad) > 0.0:
+            assert max(excess) == 0.0  # bounds above zero are kept exactly
         assert excess == pytest.approx(
             (result.position_error_m, result.orientation_error_rad), abs=1e-9
         )
         assert not tipped.limits.violations(result.q)
-
-
-def test_bounds_above_zero_are_kept_exactly(left: Arm, ik: IKService) -> None:
-    tolerance, poses = Tolerance((1e-3,) * 3, (1e-2,) * 3), reachable(left, 200, 2)
-    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
-        assert tolerance.excess(T, left.T_base_tip(result.q)) == (0.0, 0.0)
 
 
 def test_poses_out_of_reach_become_solvable_with_free_coordinates(left: Arm, ik: IKService) -> None:
@@ -321,12 +252,12 @@ def lean_rad(T: pin.SE3, reached: pin.SE3, axis: int) -> float:
 
 
 @pytest.mark.parametrize("name", ["x", "y", "z"])
-@pytest.mark.parametrize("tilt_rad", [1e-9, 1e-4, np.radians(5.0), 0.4, np.pi / 2])
+@pytest.mark.parametrize("tilt_rad", [1e-9, np.radians(5.0), np.pi / 2])
 def test_the_axis_leans_by_no_more_than_the_cone(
     left: Arm, ik: IKService, name: str, tilt_rad: float
 ) -> None:
     axis, tolerance = "xyz".index(name), Tolerance.about(name, tilt_rad=tilt_rad)
-    poses = reachable(left, 150, 7)
+    poses = reachable(left, 50, 7)
     for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
         assert result.is_valid, str(result.failure)
         reached = left.T_base_tip(result.q)
@@ -337,7 +268,7 @@ def test_the_axis_leans_by_no_more_than_the_cone(
 def aslant(arm: Arm, tilt_rad: float) -> list[pin.SE3]:
     """Poses from which the arm reaches one within the cone about z, near its edge."""
     rng, found = np.random.default_rng(8), []
-    for reached in reachable(arm, 600, 9):
+    for reached in reachable(arm, 300, 9):
         towards, lean = rng.uniform(-np.pi, np.pi), tilt_rad * rng.uniform(0.7, 1.0)
         back = pin.exp3(-lean * np.array([np.cos(towards), np.sin(towards), 0.0]))
         roll = pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
@@ -352,12 +283,12 @@ def needing_a_lean(arm: Arm, service: IKService, tilt_rad: float) -> list[pin.SE
     return [T for T, result in zip(poses, upright, strict=True) if not result.is_valid]
 
 
-@pytest.mark.parametrize("tilt_rad", [0.02, 0.1, 0.4])
+@pytest.mark.parametrize("tilt_rad", [0.02, 0.4])
 def test_poses_within_reach_only_when_leaning_are_solved_by_leaning(
     left: Arm, ik: IKService, tilt_rad: float
 ) -> None:
     tolerance, poses = Tolerance.about("z", tilt_rad=tilt_rad), needing_a_lean(left, ik, tilt_rad)
-    assert len(poses) > 10
+    assert len(poses) > 5
     for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
         assert result.is_valid, str(result.failure)
         assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= tilt_rad + WITHIN
@@ -365,41 +296,19 @@ def test_poses_within_reach_only_when_leaning_are_solved_by_leaning(
 
 def test_ipopt_leans_where_the_fast_search_does(left: Arm, ik: IKService) -> None:
     reference, tolerance = IKService(left, Backend.IPOPT), Tolerance.about("z", tilt_rad=0.4)
-    for T in needing_a_lean(left, ik, 0.4)[:8]:
+    for T in needing_a_lean(left, ik, 0.4)[:3]:
         result = reference.solve(T, tolerance=tolerance)
         assert result.is_valid, str(result.failure)
         assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= 0.4 + WITHIN
 
 
-def test_about_is_a_cone_and_not_a_box(left: Arm, ik: IKService) -> None:
-    five, poses = np.radians(5.0), aslant(left, np.radians(7.0))[:200]
-    cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
-    leans = {}
-    for tolerance in (cone, box):
-        results = ik.solve_batch(poses, tolerance=tolerance)
-        leans[tolerance] = max(
-            lean_rad(T, left.T_base_tip(result.q), 2)
-            for T, result in zip(poses, results, strict=True)
-            if result.is_valid
-        )
-    assert leans[cone] <= five + WITHIN
-    assert np.degrees(leans[box]) > 6.0
-
-
 @pytest.mark.parametrize("name", ["position", "about z", "about y, leaning", "1 cm and 0.1 rad"])
 def test_ipopt_solves_the_same_tasks(left: Arm, name: str) -> None:
     reference, tolerance = IKService(left, Backend.IPOPT), TOLERANCES[name]
-    for T in reachable(left, 8, 3):
+    for T in reachable(left, 3, 3):
         result = reference.solve(T, tolerance=tolerance)
         assert result.is_valid, str(result.failure)
         assert max(tolerance.excess(T, left.T_base_tip(result.q))) <= WITHIN
-
-
-def test_without_a_compiler_the_answers_are_the_same(left: Arm, ik: IKService) -> None:
-    virtual, tolerance = IKService(left, Backend.CASADI), Tolerance.about("x")
-    for T in reachable(left, 30, 4):
-        q, other = (service.solve(T, tolerance=tolerance).q for service in (virtual, ik))
-        np.testing.assert_allclose(q, other, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", TOLERANCES)
@@ -408,7 +317,7 @@ def test_no_proof_is_false(tipped: Arm, name: str) -> None:
     tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
     reach = ReachBound(tipped, tolerance)
     asked = []
-    for reached in reachable(tipped, 300, 6):
+    for reached in reachable(tipped, 50, 6):
         T = reached * _within(tolerance, rng).inverse()
         assert max(tolerance.excess(T, reached)) <= 1e-9
         assert reach.proof(T) is None
@@ -441,7 +350,7 @@ def test_no_lean_is_proven_away_at_the_edge_of_the_reach(tipped: Arm, axis: str)
     reach = ReachBound(tipped, tolerance)
     along, across = unit["xyz".index(axis)], unit["xyz".index(axis) - 1]
     asked = []
-    for e1 in np.repeat([0.0, tipped.limits.q_max[3]], 40):
+    for e1 in np.repeat([0.0, tipped.limits.q_max[3]], 15):
         q = tipped.random_configuration(rng)
         q[3] = e1
         for towards in np.arange(8) * np.pi / 4:
@@ -473,26 +382,3 @@ def test_poses_far_out_of_reach_are_proven_so(tipped: Arm, service: IKService, n
     assert "proven out of reach" in str(result.failure)
     what = "position (2.5" if name == "position" else "pose at (2.5"
     assert what in str(result.failure)
-
-
-def test_another_tip_reaches_its_pose(tipped: Arm, service: IKService) -> None:
-    q_seed = np.array(tipped.start) + 0.02
-    T = tipped.T_base_tip(tipped.start)
-    result = service.solve(T, current=q_seed)
-    assert result.seed_type is SeedType.CURRENT
-    assert max(Tolerance().excess(T, tipped.T_base_tip(result.q))) <= WITHIN
-
-
-def test_an_objective_with_a_tolerance_is_refused(left: Arm, ik: IKService) -> None:
-    with pytest.raises(RequestError, match="either an objective or a tolerance"):
-        ik.solve(
-            left.T_base_tip(left.start),
-            objective=NearestTo(left.start),
-            tolerance=Tolerance.position_only(),
-        )
-
-
-def test_other_classes_than_tolerance_are_refused(left: Arm, ik: IKService) -> None:
-    tolerance: object = 0.1
-    with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
-        ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]

@@ -12,7 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, IKService
-from baxter_kin.errors import ConfigurationError, LimitsError, PoseError, UnknownNameError
+from baxter_kin.errors import (
+    BaxterError,
+    ConfigurationError,
+    LimitsError,
+    PoseError,
+    UnknownNameError,
+)
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import JOINTS, MIRROR
 from planner import Manipulator
@@ -34,12 +40,6 @@ def test_limits_are_those_of_the_urdf(arm: Arm) -> None:
     np.testing.assert_array_equal(arm.limits.v_max, [1.5, 1.5, 1.5, 1.5, 4.0, 4.0, 4.0])
 
 
-def test_acceleration_and_jerk_have_named_defaults(arm: Arm) -> None:
-    assert set(arm.limits.a_max) == {2.0}
-    assert set(arm.limits.j_max) == {20.0}
-    assert "MoveIt" in arm.limits.origins["acceleration"]
-
-
 def test_joint_order_is_shoulder_to_wrist(arm: Arm) -> None:
     assert arm.joint_names == tuple(f"{arm.side}_{joint}" for joint in JOINTS)
 
@@ -48,7 +48,7 @@ def test_forward_kinematics_agrees_with_the_whole_robot(robot: Baxter, arm: Arm)
     """The reduced model against Pinocchio on the full URDF."""
     data, rng = robot.model.createData(), np.random.default_rng(1)
     tip = robot.model.getFrameId(f"{arm.side}_gripper")
-    for _ in range(100):
+    for _ in range(40):
         q = arm.random_configuration(rng)
         pin.framesForwardKinematics(robot.model, data, robot.configuration(arm.joints(q)))
         difference = arm.T_base_tip(q).homogeneous - data.oMf[tip].homogeneous
@@ -84,29 +84,10 @@ def test_start_of_the_demo_is_above_the_table(arm: Arm) -> None:
     assert z > 0.0
 
 
-@pytest.mark.parametrize(
-    "q", [np.zeros(6), np.zeros((1, 7)), [math.nan] * 7, [math.inf] * 7, None, "q"]
-)
-def test_kinematics_reject_malformed_configurations(arm: Arm, q: Any) -> None:
-    for function in (arm.T_base_tip, arm.jacobian, arm.joints, arm.configuration):
-        with pytest.raises(ConfigurationError, match="q "):
-            function(q)
-
-
 def test_configuration_by_name_is_put_in_order(arm: Arm) -> None:
     q = np.arange(7.0) / 10
     shuffled = dict(reversed(arm.joints(q).items()))
     np.testing.assert_array_equal(arm.configuration(shuffled), q)
-
-
-def test_configuration_by_name_rejects_a_joint_of_the_other_arm(left: Arm) -> None:
-    with pytest.raises(UnknownNameError, match="joint of the left arm 'right_s0'"):
-        left.configuration({"right_s0": 0.0})
-
-
-def test_configuration_by_name_lists_what_is_missing(left: Arm) -> None:
-    with pytest.raises(ConfigurationError, match="lacks a value for left_e0, left_w2"):
-        left.configuration({f"left_{j}": 0.0 for j in JOINTS if j not in ("e0", "w2")})
 
 
 def test_results_do_not_share_memory(left: Arm) -> None:
@@ -125,7 +106,7 @@ def test_an_arm_may_be_shared_between_threads(left: Arm) -> None:
     wrong: list[int] = []
 
     def work(i: int) -> None:
-        poses = (left.T_base_tip(0.1 * i * np.ones(7)) for _ in range(300))
+        poses = (left.T_base_tip(0.1 * i * np.ones(7)) for _ in range(100))
         wrong.extend(i for T in poses if not np.array_equal(T.homogeneous, expected[i]))
 
     threads = [threading.Thread(target=work, args=(i,)) for i in expected]
@@ -173,33 +154,6 @@ def test_jacobian_of_a_tool_is_the_derivative_of_its_position(arm: Arm) -> None:
         np.testing.assert_allclose(J[:3, joint], (ahead - behind) / (2 * step), atol=1e-8)
 
 
-def test_unknown_tip_is_refused_with_the_known_ones(left: Arm) -> None:
-    for name in ("l_gripper_l_finger", "right_hand", "nose", "left_e0"):
-        with pytest.raises(UnknownNameError, match="left_hand_camera_link"):
-            left.with_tip(name)
-
-
-def test_a_tool_needs_a_pose_and_a_name_of_its_own(left: Arm) -> None:
-    with pytest.raises(PoseError, match="mirrored"):
-        left.with_tip(np.diag([1.0, 1.0, -1.0, 1.0]))
-    with pytest.raises(ConfigurationError, match="that no other frame has"):
-        left.with_tip(pin.SE3.Identity(), "left_hand_link")
-
-
-@pytest.mark.parametrize("name", ["\ud800", "a\nb", "", "x" * 1000, 5, None], ids=ascii)
-def test_a_tool_needs_a_name_that_can_be_written(left: Arm, name: Any) -> None:
-    with pytest.raises(ConfigurationError, match="printable characters") as caught:
-        left.with_tip(pin.SE3.Identity(), name)
-    assert len(str(caught.value)) < 400
-
-
-def test_masked_joint_values_are_refused(left: Arm) -> None:
-    q = np.ma.array(left.neutral, mask=[True] + [False] * 6)
-    for ask in (left.T_base_tip, left.jacobian, left.joints):
-        with pytest.raises(ConfigurationError, match="masked"):
-            ask(q)
-
-
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["left", "right"]))
 def test_many_tips_are_where_pinocchio_has_each(robot: Baxter, seed: int, side: str) -> None:
     arm, rng = robot.arm(side), np.random.default_rng(seed)
@@ -208,12 +162,6 @@ def test_many_tips_are_where_pinocchio_has_each(robot: Baxter, seed: int, side: 
     for each in (arm, tooled):
         expected = np.array([each.T_base_tip(q).homogeneous for q in qs])
         np.testing.assert_allclose(each.T_base_tips(qs), expected, atol=1e-14)
-
-
-@pytest.mark.parametrize("qs", [np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "qs", None])
-def test_malformed_lists_of_configurations_are_refused(left: Arm, qs: Any) -> None:
-    with pytest.raises(ConfigurationError):
-        left.T_base_tips(qs)
 
 
 def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
@@ -227,7 +175,7 @@ def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
     assert narrow.joint_names == left.joint_names
     rng = np.random.default_rng(0)
     solved = 0
-    for _ in range(50):
+    for _ in range(25):
         T = left.T_base_tip(left.random_configuration(rng))
         result = IKService(narrow).solve(T)
         solved += result.is_valid
@@ -238,25 +186,64 @@ def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
     assert pickle.loads(pickle.dumps(narrow)).limits.q_max[1] == q_max[1]
 
 
-@pytest.mark.parametrize(
-    "limits",
-    [
-        lambda _: None,
-        lambda left: left.limits.q_max,
-        lambda left: evolve(left.limits, names=tuple(reversed(left.joint_names))),
-        lambda left: evolve(left.limits, q_max=left.limits.q_max + 1e-6),
-        lambda left: evolve(left.limits, q_min=left.limits.q_min - 1e-6),
-    ],
-)
-def test_limits_of_nothing_of_other_joints_and_beyond_the_stops_are_refused(
-    left: Arm, limits: Any
-) -> None:
-    with pytest.raises(LimitsError):
-        left.with_limits(limits(left))
-
-
 def test_limits_of_an_arm_that_others_use_cannot_be_set(left: Arm) -> None:
     before = left.limits
     with pytest.raises(AttributeError, match="with_limits"):
         left.limits = None
     assert left.limits is before
+
+
+BAD_Q: list[Any] = [
+    *(np.zeros(6), np.zeros((1, 7)), [math.nan] * 7, [math.inf] * 7, None, "q"),
+    np.ma.array(np.zeros(7), mask=[True] + [False] * 6),
+]
+IDENTITY = pin.SE3.Identity()
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "error"),
+    [
+        *(
+            (method, (q,), ConfigurationError)
+            for method in ("T_base_tip", "jacobian", "joints", "configuration")
+            for q in BAD_Q
+        ),
+        ("configuration", ({"right_s0": 0.0},), UnknownNameError),
+        ("configuration", (dict.fromkeys(("left_s0", "left_s1"), 0.0),), ConfigurationError),
+        *(
+            ("T_base_tips", (qs,), ConfigurationError)
+            for qs in (np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "qs")
+        ),
+        *(
+            ("with_tip", (name,), UnknownNameError)
+            for name in ("l_gripper_l_finger", "right_hand", "nose", "left_e0")
+        ),
+        ("with_tip", (np.diag([1.0, 1.0, -1.0, 1.0]),), PoseError),
+        *(
+            ("with_tip", (IDENTITY, name), ConfigurationError)
+            for name in ("left_hand_link", "\ud800", "a\nb", "", "x" * 1000, 5)
+        ),
+        ("random_configuration", (None,), ConfigurationError),
+    ],
+)
+def test_invalid_arguments_are_refused(
+    left: Arm, method: str, arguments: tuple[Any, ...], error: type[BaxterError]
+) -> None:
+    with pytest.raises(error) as refused:
+        getattr(left, method)(*arguments)
+    assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        None,
+        lambda own: {"names": tuple(reversed(own.names))},
+        lambda own: {"q_max": own.q_max + 1e-6},
+        lambda own: {"q_min": own.q_min - 1e-6},
+    ],
+)
+def test_limits_of_other_joints_and_beyond_the_stops_are_refused(left: Arm, changes: Any) -> None:
+    limits: Any = changes and evolve(left.limits, **changes(left.limits))
+    with pytest.raises(LimitsError):
+        left.with_limits(limits)

@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner.atlas import PositionGrid
-from planner.atlas.positions import BLOCK_EDGE, LEAST_BLOCKS, MOST_CELLS_A_BLOCK
-from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 
 
@@ -19,48 +17,14 @@ def test_points_are_multiples_of_the_step() -> None:
     assert grid.first == (-1, 0, 7)
     assert grid.shape == (4, 5, 2)
     assert np.allclose(grid.points()[1, 2, 1], [0.0, 0.1, 0.4])
+    assert np.allclose(grid.point((1, 2, 1)), [0.0, 0.1, 0.4])
     assert np.allclose(grid.low_m, grid.points()[0, 0, 0])
     assert np.allclose(grid.high_m, grid.points()[-1, -1, -1])
 
 
-def test_blocks_hold_every_point_once() -> None:
-    grid = PositionGrid(0.1, (-3, 2, 0), (9, 17, 8))
-    seen = np.zeros(grid.shape, int)
-    for block in np.ndindex(*grid.blocks):
-        seen[grid.block_slices(block)] += 1
-    assert (seen == 1).all()
-
-
-@given(st.integers(1, 10_000), st.integers(1, 10_000), st.integers(1, MOST_ROTATIONS))
-@settings(max_examples=200)
-def test_a_block_is_what_a_worker_holds_and_a_map_has_few(
-    side: int, other: int, rotations: int
-) -> None:
-    grid = PositionGrid(0.1, (0, 0, 0), (side, other, 7)).in_blocks_for(rotations)
-    assert grid == PositionGrid(0.1, (0, 0, 0), (side, other, 7))
-    edge = grid.block_edge
-    assert edge == 1 or edge**3 * rotations <= MOST_CELLS_A_BLOCK
-    if edge < BLOCK_EDGE:
-        assert (2 * edge) ** 3 * rotations > MOST_CELLS_A_BLOCK
-    if edge > BLOCK_EDGE:
-        assert len(grid) >= LEAST_BLOCKS * edge**3
-
-
-def test_the_largest_grids_have_millions_of_blocks_at_most() -> None:
-    """Of 10^12 cells, for any number of rotations."""
-    for rotations, shape in (
-        (1, (10_000, 10_000, 10_000)),
-        (72, (2_404, 2_404, 2_404)),
-        (576, (1_202, 1_202, 1_202)),
-        (MOST_ROTATIONS, (149, 149, 149)),
-    ):
-        grid = PositionGrid(0.1, (0, 0, 0), shape).in_blocks_for(rotations)
-        assert np.prod(grid.blocks) < 5e6
-
-
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
-def test_no_tip_gets_out_of_the_grid_around_a_robot(robot: Baxter, seed: int) -> None:
+def test_the_grid_around_a_robot_encloses_every_tip(robot: Baxter, seed: int) -> None:
     grid, rng = PositionGrid.around(robot, 0.1), np.random.default_rng(seed)
     for arm in robot.arms.values():
         p = arm.T_base_tip(rng.uniform(arm.limits.q_min, arm.limits.q_max)).translation
@@ -68,23 +32,16 @@ def test_no_tip_gets_out_of_the_grid_around_a_robot(robot: Baxter, seed: int) ->
         assert (p < grid.high_m + 0.1).all()
 
 
-def test_the_nearest_point_of_what_is_outside_is_none() -> None:
+def test_positions_outside_have_no_nearest_point() -> None:
     grid = PositionGrid(0.1, (0, 0, 0), (3, 3, 3))
     assert grid.nearest([0.12, 0.0, 0.19]) == (1, 0, 2)
     assert grid.nearest([0.26, 0.0, 0.0]) is None
 
 
 @pytest.mark.parametrize(
-    ("step_m", "low", "high", "said"),
-    [
-        (0.0, 0.0, 1.0, "step_m must be above zero"),
-        (0.1, 0.01, 0.09, "no point of a grid of 0.1 m lies between"),
-        (1e-5, 0.0, 1.0, "points along each side must be a whole number from 1 to 10000"),
-        (np.nan, 0.0, 1.0, "step_m must be a finite number"),
-    ],
+    ("step_m", "low", "high"),
+    [(0.0, 0.0, 1.0), (0.1, 0.01, 0.09), (1e-5, 0.0, 1.0), (np.nan, 0.0, 1.0)],
 )
-def test_grids_of_no_or_too_many_points_are_refused(
-    step_m: float, low: float, high: float, said: str
-) -> None:
-    with pytest.raises(AtlasError, match=said):
+def test_grids_of_no_or_too_many_points_are_refused(step_m: float, low: float, high: float) -> None:
+    with pytest.raises(AtlasError):
         PositionGrid.within([low] * 3, [high] * 3, step_m)

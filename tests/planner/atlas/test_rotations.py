@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from planner.atlas import RotationGrid
+from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 
 
@@ -36,10 +39,12 @@ def test_the_first_rotation_points_straight_down_along_base() -> None:
 
 @given(st.integers(0, 575))
 @settings(max_examples=30)
-def test_the_nearest_of_a_rotation_turned_a_little_is_itself(index: int) -> None:
-    grid = RotationGrid.hopf(1)
-    turned = grid.matrices[index] @ Rotation.from_rotvec([0.05, -0.04, 0.06]).as_matrix()
+def test_a_rotation_turned_a_little_is_nearest_to_the_one_of_the_grid(index: int) -> None:
+    grid, turn = RotationGrid.hopf(1), Rotation.from_rotvec([0.05, -0.04, 0.06])
+    turned = grid.matrices[index] @ turn.as_matrix()
     assert grid.nearest(turned) == index
+    off = Rotation.from_matrix(grid.matrices).inv() * Rotation.from_matrix(turned)
+    assert grid.angles_rad(turned) == pytest.approx(off.magnitude(), abs=1e-7)
 
 
 def test_rolls_turn_the_tool_about_its_own_axis() -> None:
@@ -50,26 +55,26 @@ def test_rolls_turn_the_tool_about_its_own_axis() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rotations", "said"),
+    "rotations",
     [
-        ([], "shape"),
-        ([np.eye(3) * 2.0], "rotation 0 is no rotation matrix"),
-        ([np.eye(3), np.diag([1.0, 1.0, -1.0])], "rotation 1 is no rotation matrix"),
-        (["a"], "matrices"),
-        ([np.full((3, 3), np.nan)], "finite"),
+        [],
+        ["a"],
+        [np.eye(3) * 2.0],
+        [np.eye(3), np.diag([1.0, 1.0, -1.0])],
+        [np.full((3, 3), np.nan)],
     ],
 )
-def test_what_is_no_rotation_is_refused(rotations: list[object], said: str) -> None:
-    with pytest.raises(AtlasError, match=said):
-        RotationGrid.of(rotations)  # type: ignore[arg-type]
+def test_invalid_rotations_are_refused(rotations: Any) -> None:
+    with pytest.raises(AtlasError):
+        RotationGrid.of(rotations)
 
 
 def test_more_rotations_than_a_worker_holds_are_refused() -> None:
-    with pytest.raises(AtlasError, match="a map has at most 300,000 rotations, got 300,001"):
-        RotationGrid(np.eye(3)[None], np.zeros(300_001))
+    with pytest.raises(AtlasError):
+        RotationGrid(np.eye(3)[None], np.zeros(MOST_ROTATIONS + 1))
 
 
 @pytest.mark.parametrize("level", [-1, 5, 0.5, None])
-def test_levels_are_few(level: int) -> None:
-    with pytest.raises(AtlasError, match="level must be a whole number from 0 to 4"):
+def test_invalid_levels_are_refused(level: Any) -> None:
+    with pytest.raises(AtlasError):
         RotationGrid.hopf(level)

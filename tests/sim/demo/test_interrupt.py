@@ -35,15 +35,6 @@ def test_while_it_is_deferred_work_goes_on_to_its_end() -> None:
     assert done == ["all"]
 
 
-def test_work_that_nobody_interrupts_ends_without_a_word() -> None:
-    with interruptible() as interrupt:
-        with interrupt.deferred():
-            pass
-        interrupt.check()
-        with pytest.raises(KeyboardInterrupt):
-            press_ctrl_c()  # no longer deferred
-
-
 def test_what_was_swallowed_is_raised_at_the_next_check() -> None:
     with interruptible() as interrupt:
         with contextlib.suppress(KeyboardInterrupt):  # as a compiled library may do
@@ -54,25 +45,23 @@ def test_what_was_swallowed_is_raised_at_the_next_check() -> None:
 
 
 def test_a_second_ctrl_c_does_not_disturb_the_cleaning_up() -> None:
+    before = signal.getsignal(signal.SIGINT)
     with interruptible():
+        assert signal.getsignal(signal.SIGINT) is not before
         with pytest.raises(KeyboardInterrupt):
             press_ctrl_c()
         press_ctrl_c()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_deferring_ends_even_when_the_work_fails() -> None:
     with interruptible() as interrupt:
+        with interrupt.deferred():
+            interrupt.check()
         with pytest.raises(ZeroDivisionError), interrupt.deferred():
             raise ZeroDivisionError
         with pytest.raises(KeyboardInterrupt):
             press_ctrl_c()
-
-
-def test_the_former_handler_comes_back() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with interruptible():
-        assert signal.getsignal(signal.SIGINT) is not before
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_in_another_thread_signals_are_left_alone() -> None:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from sim.demo import main
 from sim.view.live import viewer
 from tests.sim.conftest import Watched
+from tests.sim.demo.test_process import SLOWLY
 from tests.sim.view.live.websocket import DEADLINE_S, Page
 from tests.sim.view.replay_decoding import decoded
 
@@ -105,26 +107,22 @@ def drawn_in(content: dict[str, Any]) -> set[str]:
     return {command["path"] for command in content["commands"] if command["type"] == "set_object"}
 
 
-def test_the_final_scene_stays_in_the_page(tmp_path: Any) -> None:
+def test_the_final_scene_stays_in_the_page_where_it_can_be_played_again(
+    watched: Watched, tmp_path: Path
+) -> None:
     report = tmp_path / "report.json"
     with demo("--cycles", "1", "--report", str(report)) as (process, page):
-        status, complained = ended(process, page)
-    assert (status, complained) == (0, "")
+        page.ask("pause", True)
+        watched.page.goto(page.url)
+        watched.page.wait_for_function("element('play').textContent === 'Resume'")
+        page.ask("pause", False)
+        assert ended(process, page) == (0, "")
     assert '"text": "table deleted"' in report.read_text()  # the world is cleaned up all the same
     assert page.deleted.count("/bodies/table") == 1  # before it was first drawn
     content = content_of(page)
     assert {"/bodies/table/0", "/bodies/block/0"} <= drawn_in(content)
     assert content["duration"] > 4.0
     assert "place: retract" in content["captions"][-1][1]
-
-
-def test_a_browser_can_play_it_again_when_the_program_has_ended(watched: Watched) -> None:
-    with demo("--cycles", "1") as (process, page):
-        page.ask("pause", True)
-        watched.page.goto(page.url)
-        watched.page.wait_for_function("element('play').textContent === 'Resume'")
-        page.ask("pause", False)
-        assert ended(process, page)[0] == 0
     watched.page.wait_for_function("element('play').textContent === 'Again'")
     bodies = "Object.keys(viewer.scene_tree.find(['bodies']).children)"
     assert {"table", "block"} <= set(watched.run(bodies))
@@ -134,7 +132,7 @@ def test_a_browser_can_play_it_again_when_the_program_has_ended(watched: Watched
 
 
 def test_a_failure_is_shown_in_the_page() -> None:
-    with demo("--add-pose", "1.5", "0", "-0.129", "--cycles", "2") as (process, page):
+    with demo("--add-pose", "1.5", "0", "-0.129", "--cycles", "2", *SLOWLY) as (process, page):
         status, complained = ended(process, page)
     assert status == 1
     last = content_of(page)["captions"][-1][1]
@@ -143,25 +141,17 @@ def test_a_failure_is_shown_in_the_page() -> None:
     assert page.told["caption"] == last
 
 
-def test_ctrl_c_leaves_the_scene_in_the_page() -> None:
-    with demo("--forever") as (process, page):
+def test_ctrl_c_during_a_pause_leaves_the_scene_in_the_page() -> None:
+    with demo("--forever", *SLOWLY) as (process, page):
         page.wait_until(_has_grasped)
-        process.send_signal(signal.SIGINT)
-        status, complained = ended(process, page)
-    assert (status, complained) == (130, "stopped by Ctrl-C\n")
-    content = content_of(page)
-    assert {"/bodies/table/0", "/bodies/block/0"} <= drawn_in(content)
-    assert content["captions"][-1][1] == "stopped"
-
-
-def test_ctrl_c_works_while_it_is_paused() -> None:
-    with demo("--forever") as (process, page):
-        page.wait_until(lambda page: "pick" in str(page.told["caption"]))
         page.ask("pause", True)
         page.wait_until(lambda page: page.told["clock"]["paused"])
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
-        assert ended(process, page)[0] == 130
+        assert ended(process, page) == (130, "stopped by Ctrl-C\n")
+    content = content_of(page)
+    assert {"/bodies/table/0", "/bodies/block/0"} <= drawn_in(content)
+    assert content["captions"][-1][1] == "stopped"
 
 
 def test_ctrl_c_works_while_it_waits_for_a_page() -> None:

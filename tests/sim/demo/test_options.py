@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.command_line import parse
-from baxter_kin.limits import PRESETS
+from baxter_kin.kinematics.limits import PRESETS
 from planner import PickAndPlace
-from planner.atlas.questions.placing.task import TableTransfer
+from planner.atlas.questions.table_task import TableTransfer
 from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
 from sim import Transfer, simulation
 from sim.demo import options as demo_options
@@ -25,11 +25,11 @@ def test_default_is_the_original_demo() -> None:
     options = parse_options([])
     assert options.limb == "left"
     assert options.hover_m == DEFAULT_HOVER_M
-    assert options.poses_m == ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
+    assert options.poses_m == DEFAULT_POSES_M == ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
     assert options.cycles == 2
     assert options.speed_ratio == 1.0
     assert not options.is_headless
-    assert options.poses_m == DEFAULT_POSES_M
+    assert options.retries is None
 
 
 def test_the_hover_distance_is_the_same_for_whoever_does_not_give_one(
@@ -53,20 +53,20 @@ def test_a_dwell_is_that_of_a_robot_unless_it_is_said(tmp_path: Path) -> None:
     assert found == [None, 1.0, 0.0]
 
 
-def test_poses_are_mirrored_for_the_right_arm() -> None:
+def test_poses_are_mirrored_for_the_right_arm_and_added_ones_add_cycles() -> None:
     assert parse_options(["--limb", "right"]).poses_m[0] == (0.70, -0.15, -0.129)
-
-
-def test_added_poses_follow_the_default_ones_and_add_cycles() -> None:
     options = parse_options(
         ["--add-pose", "0.72", "0.075", "-0.129", "--add-pose", "0.7", "0", "-.13"]
     )
     assert options.poses_m[2:] == ((0.72, 0.075, -0.129), (0.7, 0.0, -0.13))
     assert options.cycles == 4
-
-
-def test_forever_has_no_number_of_cycles() -> None:
     assert parse_options(["--forever"]).cycles is None
+
+
+def test_noise_asks_for_retries_by_itself() -> None:
+    assert parse_options(["--noise-mm", "1"]).retries == DEFAULT_RETRIES
+    assert parse_options(["--noise-deg", "1", "--retries", "0"]).retries == 0
+    assert parse_options(["--retries", "2"]).retries == 2
 
 
 @pytest.mark.parametrize(
@@ -130,14 +130,10 @@ def test_wrong_usage_is_one_sentence_and_status_2(
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("suffix", [".bag", ".csv", ".mcap"])
-def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"run{suffix}"
-    assert parse_options(["--record", str(path)]).record == path
-
-
-def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
-    assert parse_options(["--csv", str(tmp_path / "x.csv")]).csv == tmp_path / "x.csv"
+def test_outputs_may_go_to_new_files_of_any_known_format(tmp_path: Path) -> None:
+    for option, name in (("record", "x.bag"), ("record", "x.mcap"), ("csv", "x.csv")):
+        path = tmp_path / name
+        assert getattr(parse_options([f"--{option}", str(path)]), option) == path
 
 
 @pytest.mark.parametrize("option", ["--html", "--csv", "--record", "--report", "--plan"])
@@ -166,13 +162,6 @@ def test_two_names_of_one_file_are_one_output(
     assert stopped.value.code == 2
     assert "must go to different files" in capsys.readouterr().err
     assert file.read_text() == "kept"
-
-
-def test_noise_asks_for_retries_by_itself() -> None:
-    assert parse_options([]).retries is None
-    assert parse_options(["--noise-mm", "1"]).retries == DEFAULT_RETRIES
-    assert parse_options(["--noise-deg", "1", "--retries", "0"]).retries == 0
-    assert parse_options(["--retries", "2"]).retries == 2
 
 
 def test_values_that_are_repeated_are_the_same() -> None:

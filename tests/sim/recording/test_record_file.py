@@ -28,10 +28,10 @@ def test_other_suffixes_are_refused_with_those_that_are_known(
     robot: Baxter, picked: Recording, tmp_path: Path, name: str
 ) -> None:
     for write in (lambda path: save_recording(picked, path), lambda path: Recorder(robot, path)):
-        with pytest.raises(RecordingError, match=r"end in one of .bag, .csv, .mcap, which"):
+        with pytest.raises(RecordingError, match=r"one of \.bag, \.csv, \.mcap,"):
             write(tmp_path / name)
     if name not in ("run.npz", "run.jsonl"):
-        with pytest.raises(RecordingError, match=r"one of .bag, .csv, .jsonl, .mcap, .npz, which"):
+        with pytest.raises(RecordingError, match=r"\.jsonl, \.mcap, \.npz"):
             read_recording(tmp_path / name, robot)
 
 
@@ -43,30 +43,31 @@ def test_what_is_no_path_robot_recording_or_topic(
         read_recording(bad)
     with pytest.raises(RecordingError, match="path"):
         save_recording(picked, bad)
-    with pytest.raises(RecordingError, match="recording must be of class Recording"):
+    with pytest.raises(RecordingError, match="recording"):
         save_recording(bad, tmp_path / "run.mcap")
     if bad is not None:
         with pytest.raises(RecordingError, match="path"):
             Recorder(robot, bad)
-        with pytest.raises(RecordingError, match="robot must be of class Baxter"):
+        with pytest.raises(RecordingError, match="robot"):
             read_recording("run.bag", bad)
-        with pytest.raises(RecordingError, match="topic must be of class str"):
+        with pytest.raises(RecordingError, match="topic"):
             read_recording("run.bag", robot, topic=bad)
 
 
 def test_a_topic_is_for_messages(robot: Baxter) -> None:
-    with pytest.raises(RecordingError, match=r"topic is for bags and MCAP files, not for \.csv"):
+    with pytest.raises(RecordingError, match="topic"):
         read_recording("run.csv", robot, topic="/joint_states")
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".csv", ".mcap", ".npz", ".jsonl"])
-@pytest.mark.parametrize("name", ["missing/run", "a\0b", "x" * 5000])
-def test_a_path_that_leads_nowhere(
-    robot: Baxter, picked: Recording, tmp_path: Path, name: str, suffix: str
+def test_a_path_that_leads_nowhere_or_to_a_folder(
+    robot: Baxter, picked: Recording, tmp_path: Path, suffix: str
 ) -> None:
-    path = f"{tmp_path}/{name}{suffix}"
-    with pytest.raises(RecordingError, match="cannot read"):
-        read_recording(path, robot)
-    if suffix in (".bag", ".csv", ".mcap"):
-        with pytest.raises(RecordingError, match="cannot write"):
-            save_recording(picked, path)
+    (tmp_path / f"folder{suffix}").mkdir()
+    for name in ("missing/run", "a\0b", "x" * 5000, "folder"):
+        path = f"{tmp_path}/{name}{suffix}"
+        with pytest.raises(RecordingError, match=r"cannot read|not a regular file"):
+            read_recording(path, robot)
+        if suffix in (".bag", ".csv", ".mcap"):
+            with pytest.raises(RecordingError, match="cannot write"):
+                save_recording(picked, path)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, JointLimits
@@ -36,6 +36,7 @@ def recorded(move: RecordedMove, times: Any, until_s: float = np.inf) -> Any:
     return move.trajectory.sample(t).q
 
 
+@settings(max_examples=20)
 @given(st.floats(0.001, 0.1), st.floats(0.0, 1.0))
 def test_a_followed_move_is_told_exactly_at_any_rate(
     move: RecordedMove, tick_s: float, offset: float
@@ -99,57 +100,49 @@ class TestOfARecording:
         assert {move.limb for move in picked.moves} == {"left"}
         assert picked.moves[0].label.startswith("move to start")
 
-    def test_the_whole_run_is_exact_but_for_rests(self, picked: Recording) -> None:
+    def test_the_whole_run_is_exact_but_for_rests_and_keeps_its_limits(
+        self, picked: Recording, left: Arm
+    ) -> None:
         motion = picked.motion("left")
         assert motion.times_s.tolist() == picked.times_s.tolist()
         assert np.abs(motion.v[~motion.is_exact]).max() < EXACT
         assert motion.is_exact.mean() > 0.9
-
-    def test_the_whole_run_keeps_its_limits(self, picked: Recording, left: Arm) -> None:
         motion = picked.motion("left", with_knots=True)
         for name in "vaj":
             bound = getattr(left.limits, f"{name}_max")
             assert (np.abs(getattr(motion, name)) / bound).max() <= LIMIT_RATIO
+        other = picked.motion("right")
+        assert isinstance(other, ArmMotion)
+        assert not other.is_exact.any()
+        assert not other.v.any()
 
-    def test_the_other_arm_stands_still(self, picked: Recording) -> None:
-        motion = picked.motion("right")
-        assert isinstance(motion, ArmMotion)
-        assert not motion.is_exact.any()
-        assert not motion.v.any()
 
-    @pytest.mark.parametrize("limb", ["up", None, 3])
-    def test_an_arm_that_is_none_is_refused(self, picked: Recording, limb: Any) -> None:
+def test_wrong_values_are_refused(picked: Recording, left: Arm) -> None:
+    wrong: Any
+    for wrong in ("up", None, 3):
         with pytest.raises(UnknownNameError, match="limb"):
-            picked.motion(limb)
-
-    def test_joints_that_were_not_recorded_are_named(self, picked: Recording) -> None:
-        other = evolve(picked, joint_names=tuple(f"other_{n}" for n in picked.joint_names))
-        with pytest.raises(RecordingError, match="lacks left_s0"):
-            other.motion("left")
-
-
-class TestRecordedMove:
-    """An object that exists is valid."""
-
-    def test_joints_of_no_arm_are_refused(self, left: Arm) -> None:
-        limits = left.limits
-        arrays = (limits.q_min, limits.q_max, limits.v_max, limits.a_max, limits.j_max)
-        toy = JointLimits(tuple("abcdefg"), *arrays)
-        with pytest.raises(RecordingError, match="joints of one arm, got a, b, c"):
-            RecordedMove(0.0, "toy", Trajectory.stay(left.neutral, toy))
-
-    @pytest.mark.parametrize("start_s", [None, np.nan, "0", True])
-    def test_a_start_that_is_no_time_is_refused(self, left: Arm, start_s: Any) -> None:
-        stay = Trajectory.stay(left.neutral, left.limits)
+            picked.motion(wrong)
+    for wrong in (np.zeros(3), "no", 1, None):
+        with pytest.raises(RecordingError, match="with_knots"):
+            picked.motion("left", with_knots=wrong)
+    renamed = evolve(picked, joint_names=tuple(f"other_{n}" for n in picked.joint_names))
+    with pytest.raises(RecordingError, match="left_s0"):
+        renamed.motion("left")
+    limits, stay = left.limits, Trajectory.stay(left.neutral, left.limits)
+    arrays = (limits.q_min, limits.q_max, limits.v_max, limits.a_max, limits.j_max)
+    toy = JointLimits(tuple("abcdefg"), *arrays)
+    with pytest.raises(RecordingError, match="joints of one arm"):
+        RecordedMove(0.0, "toy", Trajectory.stay(left.neutral, toy))
+    for wrong in (None, np.nan, "0", True):
         with pytest.raises(RecordingError, match="start_s"):
-            RecordedMove(start_s, "", stay)
-
-    def test_other_types_are_refused(self, left: Arm) -> None:
-        bad: Any = None
-        with pytest.raises(RecordingError, match="label"):
-            RecordedMove(0.0, bad, Trajectory.stay(left.neutral, left.limits))
-        with pytest.raises(RecordingError, match="trajectory"):
-            RecordedMove(0.0, "", bad)
+            RecordedMove(wrong, "", stay)
+    wrong = None
+    with pytest.raises(RecordingError, match="label"):
+        RecordedMove(0.0, wrong, stay)
+    with pytest.raises(RecordingError, match="trajectory"):
+        RecordedMove(0.0, "", wrong)
+    with pytest.raises(RecordingError, match="at least one sample"):
+        arm_motion(left.joint_names, np.zeros(0), np.zeros((0, 7)), [])
 
 
 @pytest.mark.parametrize("is_exact", [range(10**12), [True], None, np.ones(1), np.ones(2, bool)])
@@ -161,6 +154,7 @@ def test_whether_it_is_exact_is_told_for_every_time(is_exact: Any) -> None:
         ArmMotion(names, np.zeros(1), row, row, row, row, is_exact)
 
 
+@settings(max_examples=25)
 @given(st.floats(0.2, 1.5), st.floats(0.0, 1.5), st.floats(0.0, 0.5), st.floats(0.005, 0.1))
 def test_knots_of_cut_moves_with_gaps_lie_between_samples(
     move: RecordedMove, until_s: float, gap_s: float, gap_length_s: float, tick_s: float
@@ -174,8 +168,3 @@ def test_knots_of_cut_moves_with_gaps_lie_between_samples(
     contradicted = np.abs(recorded(move, times) - q).max(axis=1) > AGREEMENT_RAD
     cut_s = times[contradicted].min(initial=np.inf)
     assert (motion.times_s[motion.is_exact] < cut_s).all()
-
-
-def test_a_motion_without_samples_is_refused(left: Arm) -> None:
-    with pytest.raises(RecordingError, match="at least one sample"):
-        arm_motion(left.joint_names, np.zeros(0), np.zeros((0, 7)), [])

@@ -54,39 +54,16 @@ def recording(robot: Baxter, manipulator: Manipulator, table: Body, block: Body)
     return recorder.recording()
 
 
-def test_times_and_configurations_are_those_of_the_snapshots(
+def test_times_configurations_captions_and_events_are_those_of_the_simulation(
     recording: Recording, manipulator: Manipulator
 ) -> None:
     assert recording.times_s[:3].tolist() == [0.0, 0.01, 0.02]
+    assert recording.duration_s == recording.times_s[-1] - recording.times_s[0]
     arm = manipulator.arm
     where = [recording.joint_names.index(name) for name in arm.joint_names]
     assert recording.q[0, where].tolist() == arm.neutral.tolist()
-
-
-def test_duration_is_from_first_to_last_snapshot(recording: Recording) -> None:
-    assert recording.duration_s == recording.times_s[-1] - recording.times_s[0]
-
-
-def test_a_body_has_poses_while_it_is_there_and_nan_while_it_is_not(recording: Recording) -> None:
-    there = np.isfinite(recording.body_poses["block"])
-    rows: NDArray[np.bool_] = np.any(there, axis=1)
-    assert (there == np.stack([rows] * 7, axis=1)).all()
-    assert rows.tolist() == (recording.times_s <= 0.1).tolist()
-    assert np.isfinite(recording.body_poses["table"]).all()
-
-
-def test_a_pose_is_position_and_quaternion_in_base(recording: Recording, block: Body) -> None:
-    row = recording.body_poses["block"][0]
-    assert row[:3] == pytest.approx(block.T_base_body.translation, abs=1e-7)
-    assert row[3:] == pytest.approx(quaternion_xyzw(block.T_base_body), abs=1e-9)
-
-
-def test_captions_are_noted_when_they_change(recording: Recording) -> None:
     assert [text for _, text in recording.captions] == ["", "demo, move to start"]
     assert recording.captions[1][0] == pytest.approx(0.21)
-
-
-def test_events_are_kept_in_order(recording: Recording) -> None:
     assert [event.kind for event in recording.events] == [
         EventKind.SPAWNED,
         EventKind.SPAWNED,
@@ -94,10 +71,20 @@ def test_events_are_kept_in_order(recording: Recording) -> None:
         EventKind.MOVE_STARTED,
         EventKind.OPENED,
     ]
-
-
-def test_a_body_removed_later_is_remembered(recording: Recording) -> None:
     assert set(recording.bodies) == {"table", "block"}
+
+
+def test_a_body_has_poses_while_it_is_there_and_nan_while_it_is_not(
+    recording: Recording, block: Body
+) -> None:
+    there = np.isfinite(recording.body_poses["block"])
+    rows: NDArray[np.bool_] = np.any(there, axis=1)
+    assert (there == np.stack([rows] * 7, axis=1)).all()
+    assert rows.tolist() == (recording.times_s <= 0.1).tolist()
+    assert np.isfinite(recording.body_poses["table"]).all()
+    row = recording.body_poses["block"][0]
+    assert row[:3] == pytest.approx(block.T_base_body.translation, abs=1e-7)
+    assert row[3:] == pytest.approx(quaternion_xyzw(block.T_base_body), abs=1e-9)
 
 
 def test_nothing_simulated_is_no_recording(robot: Baxter) -> None:
@@ -105,13 +92,6 @@ def test_nothing_simulated_is_no_recording(robot: Baxter) -> None:
     assert not recorder.has_snapshots
     with pytest.raises(RecordingError, match="no snapshot"):
         recorder.recording()
-
-
-def test_only_the_last_snapshots_are_kept_when_asked(robot: Baxter, world: World) -> None:
-    recorder = Recorder(robot, keep=5)
-    Simulation(world, [recorder]).wait(0.2)
-    assert recorder.has_snapshots
-    assert recorder.recording().times_s == pytest.approx([0.16, 0.17, 0.18, 0.19, 0.20])
 
 
 def test_moves_are_kept_with_their_exact_motion(
@@ -142,36 +122,36 @@ def test_moves_from_before_the_kept_snapshots_are_forgotten(
 def test_a_recording_does_not_change_when_the_simulation_goes_on(
     robot: Baxter, world: World
 ) -> None:
-    recorder = Recorder(robot)
-    simulation = Simulation(world, [recorder])
+    recorder, short = Recorder(robot), Recorder(robot, keep=5)
+    simulation = Simulation(world, [recorder, short])
     simulation.wait(0.1)
     before = recorder.recording()
     simulation.wait(0.1)
     assert len(before.times_s) == 11
     assert len(recorder.recording().times_s) == 21
+    assert short.has_snapshots
+    assert short.recording().times_s == pytest.approx([0.16, 0.17, 0.18, 0.19, 0.20])
 
 
-@pytest.mark.parametrize("keep", [0, -1, 0.5, "all", np.nan, []])
-def test_a_number_to_keep_that_is_none_is_refused(robot: Baxter, keep: Any) -> None:
-    with pytest.raises(RecordingError, match="keep"):
-        Recorder(robot, keep=keep)
-
-
-@pytest.mark.parametrize("bad", [None, "robot", 5, {}])
-def test_other_types_are_refused(robot: Baxter, tmp_path: Path, bad: Any) -> None:
-    for options in ((), (tmp_path / "run.mcap",)):
-        with pytest.raises(RecordingError, match="robot must be of class Baxter"):
-            Recorder(bad, *options)
+def test_wrong_arguments_are_refused(robot: Baxter, tmp_path: Path) -> None:
+    wrong: Any
+    for wrong in (0, -1, 0.5, "all", np.nan, []):
+        with pytest.raises(RecordingError, match="keep"):
+            Recorder(robot, keep=wrong)
     recorder: Any = Recorder(robot)
-    for method, what in (
-        (recorder.remember, "scene"),
-        (recorder.on_start, "state"),
-        (recorder.on_snapshot, "snapshot"),
-        (recorder.on_event, "event"),
-        (recorder.on_sample, "sample"),
-    ):
-        with pytest.raises(RecordingError, match=f"{what} must be of class"):
-            method(bad)
+    for wrong in (None, "robot", 5, {}):
+        for options in ((), (tmp_path / "run.mcap",)):
+            with pytest.raises(RecordingError, match="robot"):
+                Recorder(wrong, *options)
+        for method, what in (
+            (recorder.remember, "scene"),
+            (recorder.on_start, "state"),
+            (recorder.on_snapshot, "snapshot"),
+            (recorder.on_event, "event"),
+            (recorder.on_sample, "sample"),
+        ):
+            with pytest.raises(RecordingError, match=f"{what} must be of class"):
+                method(wrong)
 
 
 def test_bodies_that_are_remembered_have_poses(robot: Baxter, table: Body, tmp_path: Path) -> None:
@@ -183,12 +163,6 @@ def test_bodies_that_are_remembered_have_poses(robot: Baxter, table: Body, tmp_p
         recorder.remember(world.scene)
     for recording in (recorder.recording(), read_recording(path).recording):
         assert np.isfinite(recording.body_poses["table"][1:]).all()
-
-
-@pytest.fixture(scope="module")
-def plan(manipulator: Manipulator, table: Body, block: Body) -> Plan:
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    return plan_pick_and_place(task, manipulator, Scene.of([table, block]), manipulator.arm.start)
 
 
 def test_a_plan_of_moves_goes_from_start_to_goal(manipulator: Manipulator, table: Body) -> None:
@@ -203,17 +177,16 @@ def test_a_plan_of_moves_goes_from_start_to_goal(manipulator: Manipulator, table
 
 
 def test_the_block_is_grasped_carried_and_let_go_where_planned(plan: Plan, robot: Baxter) -> None:
+    world = World(robot)
+    before = world.q
     recording = planned_recording(plan, robot)
+    assert np.array_equal(world.q, before)
     kinds = [event.kind for event in recording.events]
     assert kinds.count(EventKind.GRASPED) == kinds.count(EventKind.RELEASED) == 1
     begin = plan.start.scene["block"].T_base_body.translation
     track = recording.body_poses["block"]
     assert track[0, :3] == pytest.approx(begin)
     assert track[-1, :3] - begin == pytest.approx([0.05, -0.15, 0.0], abs=2e-3)
-
-
-def test_everything_begins_exactly_where_the_plan_has_it(plan: Plan, robot: Baxter) -> None:
-    recording = planned_recording(plan, robot)
     own = robot.arm("left").joint_names
     for name, value in plan.start.joints.items():
         if name not in own and "finger" not in name:
@@ -237,8 +210,8 @@ def test_what_is_held_first_is_in_the_hand(plan: Plan, robot: Baxter, block: Bod
     assert recording.body_poses["block"][-1, :3] == pytest.approx(T_goal.translation)
 
 
-def test_an_invalid_plan_is_refused_with_its_failure(
-    manipulator: Manipulator, table: Body, block: Body
+def test_an_invalid_plan_and_that_of_another_robot_are_refused(
+    manipulator: Manipulator, table: Body, block: Body, plan: Plan
 ) -> None:
     far = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(3.0, 0.0, -0.129))
     scene = Scene.of([table, block])
@@ -247,16 +220,5 @@ def test_an_invalid_plan_is_refused_with_its_failure(
     with pytest.raises(RecordingError) as error:
         planned_recording(refused)
     assert str(refused.failure) in str(error.value)
-
-
-def test_the_plan_of_another_robot_is_refused(plan: Plan) -> None:
-    other = Baxter.load(hands={"right": None})
-    with pytest.raises(RecordingError, match="for another robot"):
-        planned_recording(plan, other)
-
-
-def test_the_world_of_a_simulation_stays_as_it_is(plan: Plan, robot: Baxter) -> None:
-    world = World(robot)
-    before = world.q
-    planned_recording(plan, robot)
-    assert np.array_equal(world.q, before)
+    with pytest.raises(RecordingError, match="another robot"):
+        planned_recording(plan, Baxter.load(hands={"right": None}))

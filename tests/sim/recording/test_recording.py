@@ -11,7 +11,7 @@ import pytest
 from baxter_kin import Baxter, BaxterError
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import evolve, field_names
-from planner import Body, State, plan_joint_move
+from planner import Body, Move, State, plan_joint_move
 from planner import fit_response as fit_arrays
 from planner.errors import ResponseError
 from sim import (
@@ -46,60 +46,16 @@ def fields(recording: Recording) -> dict[str, Any]:
 class TestRecording:
     """An object that exists is valid."""
 
-    def test_its_arrays_cannot_be_changed(self, picked: Recording) -> None:
+    def test_neither_its_arrays_and_mappings_nor_events_can_be_changed(
+        self, picked: Recording
+    ) -> None:
         arrays = [picked.times_s, picked.q, picked.gripper_percent]
         for array in [*arrays, *picked.body_poses.values()]:
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 1.0
-
-    def test_its_mappings_cannot_be_changed(self, picked: Recording) -> None:
         for mapping in (picked.bodies, picked.body_poses):
             with pytest.raises(TypeError):
                 mapping["new"] = None  # type: ignore[index]  # that it is refused is tested
-
-    @pytest.mark.parametrize("name", ["times_s", "q", "gripper_percent"])
-    @pytest.mark.parametrize(
-        "bad", [None, "x", [[1.0], [1.0, 2.0]], np.zeros((2, 3, 4)), {}, 1j, 10**400], ids=str
-    )
-    def test_malformed_arrays_are_refused(self, picked: Recording, name: str, bad: Any) -> None:
-        with pytest.raises(RecordingError):
-            Recording(**{**fields(picked), name: bad})
-
-    @pytest.mark.parametrize("name", ["times_s", "q", "gripper_percent"])
-    def test_numbers_that_are_not_finite_are_refused_naming_the_array(
-        self, picked: Recording, name: str
-    ) -> None:
-        array = np.array(getattr(picked, name))
-        array.flat[0] = np.nan
-        with pytest.raises(RecordingError, match=f"^{name} must be finite"):
-            Recording(**{**fields(picked), name: array})
-
-    def test_no_snapshot_is_refused(self, picked: Recording) -> None:
-        with pytest.raises(RecordingError, match="empty"):
-            Recording(**{**fields(picked), "times_s": []})
-
-    def test_times_that_do_not_increase_are_refused(self, picked: Recording) -> None:
-        times = np.array(picked.times_s)
-        times[3] = times[2]
-        with pytest.raises(RecordingError, match="times_s must increase"):
-            Recording(**{**fields(picked), "times_s": times})
-
-    @pytest.mark.parametrize("track", [np.zeros((3, 7)), np.zeros(7), "track", None, [[1], [1, 2]]])
-    def test_poses_of_the_wrong_shape_are_refused_naming_the_body(
-        self, picked: Recording, track: Any
-    ) -> None:
-        with pytest.raises(RecordingError, match="poses of 'block'"):
-            Recording(**{**fields(picked), "body_poses": {"block": track}})
-
-    @pytest.mark.parametrize(
-        "name", ["joint_names", "bodies", "body_poses", "captions", "events", "moves"]
-    )
-    @pytest.mark.parametrize("bad", [None, 5, "names", [None]])
-    def test_malformed_parts_are_refused(self, picked: Recording, name: str, bad: Any) -> None:
-        with pytest.raises(BaxterError):
-            Recording(**{**fields(picked), name: bad})
-
-    def test_an_event_is_a_value(self) -> None:
         event = Event(1.0, EventKind.GRASPED, "block grasped")
         assert event == Event(1.0, EventKind.GRASPED, "block grasped")
         with pytest.raises(AttributeError):
@@ -111,15 +67,33 @@ class TestRecording:
         times[:] = 0.0
         assert copy.times_s.tolist() == picked.times_s.tolist()
 
+    @pytest.mark.parametrize("name", ["times_s", "q", "gripper_percent"])
+    def test_malformed_arrays_are_refused(self, picked: Recording, name: str) -> None:
+        ragged, early = [[1.0], [1.0, 2.0]], np.array(picked.times_s)
+        early[3] = early[2]
+        infinite = np.array(getattr(picked, name))
+        infinite.flat[0] = np.nan
+        wrong: Any = [None, "x", ragged, np.zeros((2, 3, 4)), {}, 1j, 10**400, [], infinite, early]
+        for bad in wrong:
+            with pytest.raises(RecordingError, match=f"{name}|empty"):
+                Recording(**{**fields(picked), name: bad})
+
+    @pytest.mark.parametrize("track", [np.zeros((3, 7)), np.zeros(7), "track", None, [[1], [1, 2]]])
+    def test_malformed_poses_are_refused_naming_the_body(
+        self, picked: Recording, track: Any
+    ) -> None:
+        with pytest.raises(RecordingError, match="poses of 'block'"):
+            Recording(**{**fields(picked), "body_poses": {"block": track}})
+
+    def test_malformed_parts_are_refused(self, picked: Recording) -> None:
+        for name in ("joint_names", "bodies", "body_poses", "captions", "events", "moves"):
+            for bad in (None, 5, "names", [None]):
+                with pytest.raises(BaxterError):
+                    Recording(**{**fields(picked), name: bad})
+
     def test_bodies_may_be_anywhere(self, picked: Recording, block: Body) -> None:
         moved = block.at(at(9.0, 9.0, 9.0))
         assert Recording(**{**fields(picked), "bodies": {"block": moved}}).bodies
-
-
-@pytest.mark.parametrize("with_knots", [np.zeros(3), "no", 1, None], ids=str)
-def test_with_knots_is_a_truth_value(recording: Recording, with_knots: Any) -> None:
-    with pytest.raises(RecordingError, match="with_knots must be of class bool"):
-        recording.motion("left", with_knots=with_knots)
 
 
 def test_a_recorder_that_hears_it_makes_the_same_recording(
@@ -130,43 +104,27 @@ def test_a_recorder_that_hears_it_makes_the_same_recording(
     assert_same(recorder.recording(), picked, POSE)
 
 
-def test_it_is_told_in_order_of_time_and_events_first(picked: Recording) -> None:
+def moves_told(recording: Recording) -> list[Move]:
     witness = Witness()
-    play_back(picked, witness)
-    times = [item.time_s for item in witness.received]
-    assert times == sorted(times)
-    assert isinstance(witness.received[0], Event)
-    assert len(times) == len(picked.times_s) + len(picked.events)
+    play_back(recording, witness)
+    events = [item for item in witness.received if isinstance(item, Event)]
+    begun = [event for event in events if event.kind is EventKind.MOVE_STARTED]
+    return [event.move for event in begun if event.move is not None]
 
 
-def test_moves_are_told_with_their_trajectories_also_of_old_files(
-    picked: Recording, tmp_path: Any
-) -> None:
-    events = tuple(evolve(event, move=None) for event in picked.events)
-    save_recording(evolve(picked, events=events), tmp_path / "run.mcap")
-    witness = Witness()
-    play_back(read_recording(tmp_path / "run.mcap").recording, witness)
-    begun = [
-        i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED
-    ]
-    moves = [event.move for event in begun if event.move is not None]
-    durations = [move.trajectory.duration for move in moves]
-    assert durations == [move.trajectory.duration for move in picked.moves]
-    assert [m.seed_label for m in moves] == [m.move.seed_label for m in picked.moves]
-
-
-def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None:
+def test_moves_are_told_by_time_and_arm_not_by_words(picked: Recording, tmp_path: Path) -> None:
     events = tuple(evolve(event, move=None, text="") for event in picked.events)
-    witness = Witness()
-    play_back(evolve(picked, events=events), witness)
-    begun = [
-        i for i in witness.received if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED
-    ]
-    trajectories = [event.move.trajectory for event in begun if event.move is not None]
-    assert trajectories == [move.trajectory for move in picked.moves]
+    nameless = evolve(picked, events=events)
+    found = moves_told(nameless)
+    assert [move.trajectory for move in found] == [move.trajectory for move in picked.moves]
+    save_recording(nameless, tmp_path / "run.mcap")  # as files of earlier versions are
+    found = moves_told(read_recording(tmp_path / "run.mcap").recording)
+    durations = [move.trajectory.duration for move in picked.moves]
+    assert [move.trajectory.duration for move in found] == durations
+    assert [m.seed_label for m in found] == [m.move.seed_label for m in picked.moves]
 
 
-def test_grippers_and_bodies_are_told(picked: Recording) -> None:
+def test_grippers_bodies_and_events_are_told_in_order_of_time(picked: Recording) -> None:
     witness = Witness()
     play_back(picked, witness)
     shots = [item for item in witness.received if isinstance(item, Snapshot)]
@@ -174,6 +132,10 @@ def test_grippers_and_bodies_are_told(picked: Recording) -> None:
     assert set(shots[100].T_base_bodies) == {"table", "block"}
     percents = np.array([shot.grippers["left"].percent for shot in shots])
     assert percents.tolist() == picked.gripper_percent[:, 0].tolist()
+    times = [item.time_s for item in witness.received]
+    assert times == sorted(times)
+    assert isinstance(witness.received[0], Event)
+    assert len(times) == len(picked.times_s) + len(picked.events)
 
 
 def test_bodies_that_were_there_from_the_beginning_are_told_before(
@@ -237,18 +199,15 @@ def test_measured_positions_in_place_of_set_points_are_refused(execution: Record
         fit_arrays(execution.times_s, measured, measured)
 
 
-def test_files_keep_the_commands_to_the_bit(robot: Baxter, tmp_path: Path) -> None:
-    with Recorder(robot, tmp_path / "a.mcap") as recorder:
+def test_commands_are_kept_by_files_to_the_bit_and_in_memory_as_snapshots_are(
+    robot: Baxter, execution: Recording, tmp_path: Path
+) -> None:
+    with Recorder(robot, tmp_path / "a.mcap", keep=50) as recorder:
         execute(robot, recorder)
-    found = read_recording(tmp_path / "a.mcap").recording
-    assert list(differences(found, recorder.recording())) == []
-
-
-def test_only_the_commands_of_the_snapshots_that_are_kept_remain(robot: Baxter) -> None:
-    recorder = Recorder(robot, keep=50)
-    execute(robot, recorder)
     kept = recorder.recording()
     assert kept.commands["left"].times_s[0] == kept.times_s[0]
+    found = read_recording(tmp_path / "a.mcap").recording
+    assert list(differences(found, execution)) == []
 
 
 def test_a_recording_without_commands_is_refused(robot: Baxter, execution: Recording) -> None:

@@ -1,28 +1,42 @@
-"""The commands as processes of their own: what they say, how they end, and what they leave."""
+"""The commands: what they print, how they end, and what they leave.
+
+Signals and kills are of processes; everything else runs in this one, against a robot in a process
+that the tests share.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import pytest
 
-from planner import Plan, save_plan
+from planner import Manipulator, Plan, Scene, plan_start_move, save_plan
 from sim import read_recording
+from sim.ros1 import check as checking
+from sim.ros1 import execute as executing
+from sim.ros1 import mirror as mirroring
+from sim.ros1 import press as pressing
 from sim.ros1.node import Node
+from sim.ros1.robot import __main__ as serving
 from tests.sim.ros1.execution.conftest import demo_plan  # noqa: F401 - a fixture
-from tests.sim.ros1.processes import until
+from tests.sim.ros1.processes import free_port, until
 
-START_S = 30.0
+START_S = 120.0
 SAID_S = 3.0
 URI = re.compile(r"ROS_MASTER_URI=(http://\S+)")
+NOWHERE = "http://127.0.0.1:9"
+Run: TypeAlias = Callable[..., "Ended"]
 
 
 class Command:
@@ -57,13 +71,11 @@ class Command:
         self.process.wait()
 
 
-@pytest.fixture
-def robot_process(tmp_path: Path) -> Iterator[tuple[Command, str]]:
+@contextmanager
+def served(log: Path) -> Iterator[tuple[Command, str]]:
     """A simulated Baxter with the demo's scene, and where its master is."""
-    command = Command(
-        tmp_path / "robot.log",
-        *("sim.ros1.robot", "--own-master", "--port", "0", "--table", "--block"),
-    )
+    scene = "--own-master", "--port", "0", "--table", "--block"
+    command = Command(log, "sim.ros1.robot", *scene)
     try:
         command.says(URI.pattern)
         found = URI.search(command.said)
@@ -71,6 +83,44 @@ def robot_process(tmp_path: Path) -> Iterator[tuple[Command, str]]:
         yield command, found[1]
     finally:
         command.end()
+
+
+@pytest.fixture
+def robot_process(tmp_path: Path) -> Iterator[tuple[Command, str]]:
+    """A robot of one test alone."""
+    with served(tmp_path / "robot.log") as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def shared_uri(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the master of a robot is whose state nobody changes."""
+    with served(tmp_path_factory.mktemp("shared") / "robot.log") as (_, uri):
+        yield uri
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command printed, and its exit status."""
+
+    status: int
+    printed: str
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command in this process."""
+
+    def run(main: Callable[[list[str]], int], *arguments: object, uri: str = NOWHERE) -> Ended:
+        monkeypatch.setenv("ROS_MASTER_URI", uri)
+        monkeypatch.setattr("sys.stdin", io.StringIO())
+        try:
+            status: Any = main([str(each) for each in arguments])
+        except SystemExit as stopped:
+            status = stopped.code
+        return Ended(status, "".join(capfd.readouterr()))
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -100,124 +150,115 @@ def moving(
 
 
 def test_check_says_each_condition_and_the_verdict_last(
-    robot_process: tuple[Command, str], tmp_path: Path
+    shared_uri: str, tmp_path: Path, run: Run
 ) -> None:
-    _, uri = robot_process
     urdf = tmp_path / "robot.urdf"
-    check = Command(tmp_path / "check.log", "sim.ros1.check", "--urdf", str(urdf), uri=uri)
-    assert check.status() == 0, check.said
-    lines = check.said.splitlines()
+    check = run(checking.main, "--urdf", urdf, uri=shared_uri)
+    assert check.status == 0, check.printed
+    lines = check.printed.splitlines()
     assert lines[-1] == "ready to carry out plans"
-    assert lines[0] == f"listening to the robot of {uri}"
+    assert lines[0] == f"listening to the robot of {shared_uri}"
     assert lines[1] == "ok   version: 1.2.0"
     assert "<robot" in urdf.read_text()[:2000]
 
 
-def test_a_master_that_is_not_there_is_one_sentence(tmp_path: Path, plan_file: Path) -> None:
-    for number, command in enumerate(
-        [["sim.ros1.check"], ["sim.ros1.execute", str(plan_file)], ["sim.ros1.mirror"]]
+def test_a_master_that_is_not_there_is_one_sentence(plan_file: Path, run: Run) -> None:
+    for main, arguments in (
+        (checking.main, []),
+        (executing.main, [plan_file]),
+        (mirroring.main, []),
+        (serving.main, []),
     ):
-        run = Command(tmp_path / f"{number}.log", *command, uri="http://127.0.0.1:9")
-        assert run.status() == 1
-        assert len(run.said.splitlines()) == 1, run.said
-        assert "cannot reach the master at 127.0.0.1:9" in run.said
-        assert "ROS_MASTER_URI says where the master is" in run.said
-        assert "python -m sim.ros1.robot --own-master" in run.said
-
-
-def test_a_robot_without_a_master_names_the_option_that_brings_one(tmp_path: Path) -> None:
-    run = Command(tmp_path / "log", "sim.ros1.robot", uri="http://127.0.0.1:9")
-    assert run.status() == 1
-    assert len(run.said.splitlines()) == 1, run.said
-    assert run.said.endswith("; without ROS, --own-master brings one\n")
+        ended = run(main, *arguments)
+        assert ended.status == 1
+        assert len(ended.printed.splitlines()) == 1, ended.printed
+        assert "cannot reach the master at 127.0.0.1:9" in ended.printed
+        assert "--own-master" in ended.printed
 
 
 @pytest.mark.parametrize("content", [None, "{}", '{"format": "baxter-kin response"}'])
 def test_a_response_that_is_none_is_wrong_usage(
-    plan_file: Path, tmp_path: Path, content: str | None
+    plan_file: Path, tmp_path: Path, content: str | None, run: Run
 ) -> None:
     response = tmp_path / "left.json"
     if content is not None:
         response.write_text(content)
-    run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), "--response", str(response))
-    assert run.status() == 2, run.said
-    assert len(run.said.splitlines()) == 1, run.said
-    assert str(response) in run.said
+    ended = run(executing.main, plan_file, "--response", response)
+    assert ended.status == 2, ended.printed
+    assert len(ended.printed.splitlines()) == 1, ended.printed
+    assert str(response) in ended.printed
 
 
 def test_a_condition_that_does_not_hold_is_told_once(
-    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
+    robot_process: tuple[Command, str], plan_file: Path, run: Run
 ) -> None:
     _, uri = robot_process
-    press = Command(tmp_path / "press", "sim.ros1.press", "left", "estop", uri=uri)
-    assert press.status() == 0, press.said
-    for number, command in enumerate([["sim.ros1.check"], ["sim.ros1.execute", str(plan_file)]]):
-        run = Command(tmp_path / f"{number}.log", *command, uri=uri)
-        assert run.status() == 1, run.said
-        assert run.said.count("emergency stop") == 1, run.said
-        assert run.said.splitlines()[-1].endswith("a condition does not hold, see FAIL above")
+    press = run(pressing.main, "left", "estop", uri=uri)
+    assert press.status == 0, press.printed
+    for main, arguments in ((checking.main, []), (executing.main, [plan_file])):
+        ended = run(main, *arguments, uri=uri)
+        assert ended.status == 1, ended.printed
+        assert ended.printed.count("emergency stop") == 1, ended.printed
+        last = ended.printed.splitlines()[-1]
+        assert last.endswith("a condition does not hold, see FAIL above")
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("main", "line"),
     [
-        ["sim.ros1.execute", "nowhere.json"],
-        ["sim.ros1.execute", __file__],
-        ["sim.ros1.execute", "plan.json", "--speed", "2"],
-        ["sim.ros1.execute", "plan.json", "--record", "a.txt"],
-        ["sim.ros1.execute", "plan.json", "--lag-s", "0.5", "0.3"],
-        ["sim.ros1.execute", "plan.json", "--settled-error-rad", "0.01"],
-        ["sim.ros1.execute", "plan.json", "--despite-lag"],
-        ["sim.ros1.execute", "plan.json", "--dry-run", "--csv", "a.csv"],
-        ["sim.ros1.execute", "plan.json", "--dry-run", "--record", "a.mcap"],
-        ["sim.ros1.check", "--output", "a.json"],
-        ["sim.ros1.check", "--yes"],
-        ["sim.ros1.mirror", "--port", "0"],
-        ["sim.ros1.mirror", "--headless", "--port", "7000"],
-        ["sim.ros1.mirror", "--headless", "--no-browser"],
+        (executing.main, "nowhere.json"),
+        (executing.main, __file__),
+        (executing.main, "plan.json --speed 2"),
+        (executing.main, "plan.json --record a.txt"),
+        (executing.main, "plan.json --lag-s 0.5 0.3"),
+        (executing.main, "plan.json --settled-error-rad 0.01"),
+        (executing.main, "plan.json --despite-lag"),
+        (executing.main, "plan.json --dry-run --csv a.csv"),
+        (executing.main, "plan.json --dry-run --record a.mcap"),
+        (checking.main, "--output a.json"),
+        (checking.main, "--yes"),
+        (mirroring.main, "--port 0"),
+        (mirroring.main, "--headless --port 7000"),
+        (mirroring.main, "--headless --no-browser"),
     ],
 )
-def test_wrong_usage_is_told_in_a_sentence(tmp_path: Path, arguments: list[str]) -> None:
-    run = Command(tmp_path / "log", *arguments)
-    assert run.status() == 2
-    assert len(run.said.splitlines()) == 1, run.said
+def test_wrong_usage_is_told_in_a_sentence(
+    main: Callable[[list[str]], int], line: str, run: Run
+) -> None:
+    ended = run(main, *line.split())
+    assert ended.status == 2
+    assert len(ended.printed.splitlines()) == 1, ended.printed
 
 
 def test_a_dry_run_sends_nothing(
-    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
+    shared_uri: str,
+    manipulator: Manipulator,
+    scene: Scene,
+    tmp_path: Path,
+    run: Run,
 ) -> None:
-    _, uri = robot_process
-    run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), "--dry-run", uri=uri)
-    assert run.status() == 0, run.said
-    assert "would move: left arm, 7 moves" in run.said
-    assert run.said.count("not proven: how the arm lags (--response)\n") == 1
-    assert "ok   state: ready, not enabled yet" in run.said
-    assert "\nverifying the plan in the state that the robot reports: some seconds" in run.said
-    again = Command(tmp_path / "again", "sim.ros1.check", uri=uri)
-    assert again.status() == 0
-    assert "not enabled yet" in again.said
-
-
-def test_a_dry_run_with_a_response_does_not_call_the_lag_unproven(
-    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
-) -> None:
-    _, uri = robot_process
-    known = "--lag-s", "0", "0.001"
-    run = Command(
-        tmp_path / "log", "sim.ros1.execute", str(plan_file), "--dry-run", *known, uri=uri
-    )
-    assert run.status(120.0) == 0, run.said
-    assert "ok   tracking: clear wherever the lag leads" in run.said
-    assert "not proven" not in run.said
+    """A plan that is soon verified: from the start to neutral."""
+    short, arm = tmp_path / "short.json", manipulator.arm
+    save_plan(plan_start_move(manipulator, scene, arm.start, arm.neutral), short)
+    unknown = run(executing.main, short, "--dry-run", uri=shared_uri)
+    assert unknown.status == 0, unknown.printed
+    assert "would move: left arm, 2 moves" in unknown.printed
+    assert unknown.printed.count("not proven: how the arm lags (--response)\n") == 1
+    assert "ok   state: ready, not enabled yet" in unknown.printed
+    assert "\nverifying the plan in the state that the robot reports" in unknown.printed
+    known = run(executing.main, short, "--dry-run", "--lag-s", "0", "0.001", uri=shared_uri)
+    assert known.status == 0, known.printed
+    assert "ok   tracking: clear wherever the lag leads" in known.printed
+    assert "not proven" not in known.printed
+    assert "not enabled yet" in run(checking.main, uri=shared_uri).printed
 
 
 def test_without_a_yes_it_does_not_move(
-    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
+    robot_process: tuple[Command, str], plan_file: Path, run: Run
 ) -> None:
-    _, uri = robot_process
-    run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), uri=uri)
-    assert run.status() == 1
-    assert run.said.splitlines()[-1].endswith(
+    ended = run(executing.main, plan_file, uri=robot_process[1])
+    assert ended.status == 1
+    assert ended.printed.splitlines()[-1].endswith(
         "not confirmed; nothing was moved, and the robot stays enabled"
     )
 
@@ -281,28 +322,16 @@ def test_the_robot_ends_without_noise(robot_process: tuple[Command, str]) -> Non
     assert robot.said.splitlines()[-1] == "stopped; everything is unregistered"
 
 
-def test_the_mirror_records_what_it_sees(
-    robot_process: tuple[Command, str], tmp_path: Path
-) -> None:
-    _, uri = robot_process
+def test_the_mirror_records_what_it_sees(shared_uri: str, tmp_path: Path, run: Run) -> None:
     csv = tmp_path / "seen.csv"
-    mirror = Command(
-        tmp_path / "log",
-        *("sim.ros1.mirror", "--headless", "--csv", str(csv), "--duration-s", "1"),
-        uri=uri,
-    )
-    assert mirror.status() == 0, mirror.said
-    rows = csv.read_text().splitlines()
-    assert 30 <= len(rows) <= 55
+    mirror = run(mirroring.main, "--headless", "--duration-s", "1", "--csv", csv, uri=shared_uri)
+    assert mirror.status == 0, mirror.printed
+    assert 30 <= len(csv.read_text().splitlines()) <= 55
 
 
-def test_the_mirror_is_served_where_it_is_asked_to_be(
-    robot_process: tuple[Command, str], tmp_path: Path
-) -> None:
-    _, uri = robot_process
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    options = "--no-browser", "--port", str(port), "--duration-s", "1"
-    mirror = Command(tmp_path / "log", "sim.ros1.mirror", *options, uri=uri)
-    assert mirror.status() == 0, mirror.said
-    assert f"open http://127.0.0.1:{port}/ in a browser to watch\n" in mirror.said
+def test_the_mirror_is_served_where_it_is_asked_to_be(shared_uri: str, run: Run) -> None:
+    port = free_port()
+    options = "--no-browser", "--port", port, "--duration-s", "1"
+    mirror = run(mirroring.main, *options, uri=shared_uri)
+    assert mirror.status == 0, mirror.printed
+    assert f"open http://127.0.0.1:{port}/ in a browser to watch\n" in mirror.printed

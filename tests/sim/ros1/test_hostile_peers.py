@@ -9,7 +9,7 @@ from tests.sim.ros1.hostile import WAYS, attack, target
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.wire import listening_addresses, own_sockets
 
-MESSAGES = 400
+MESSAGES = 200
 SEED = 5 if os.environ.get("CI") else None
 LOOPBACK = "0100007F"
 

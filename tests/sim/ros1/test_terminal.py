@@ -34,14 +34,11 @@ def test_all_after_the_first_can_be_ignored() -> None:
     assert requested == ["SIGTERM"]
 
 
-def test_outside_of_stopping_it_is_a_keyboard_interrupt() -> None:
-    with Signals().installed() as signals, pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), signal.SIGTERM)
-    assert signals.received is signal.SIGTERM
-
-
-def test_the_former_handlers_are_restored() -> None:
+def test_outside_of_stopping_it_is_a_keyboard_interrupt_and_the_former_handlers_come_back() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with Signals().installed():
+    with Signals().installed() as signals:
         assert signal.getsignal(signal.SIGINT) is not before
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+    assert signals.received is signal.SIGTERM
     assert signal.getsignal(signal.SIGINT) is before

@@ -9,10 +9,8 @@ import pytest
 from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
 from sim.recording.recording import Recording
 from sim.view.replay import write_replay
-from tests.conftest import overhead
 from tests.sim.conftest import SIZE, Watched, watched_page
 
 RESET = """
@@ -29,15 +27,6 @@ RESET = """
   document.activeElement.blur();
 }
 """
-
-
-@pytest.fixture(scope="session")
-def plan(manipulator: Manipulator, table: Body, block: Body) -> Plan:
-    """The left arm carries the block elsewhere."""
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    made = plan_pick_and_place(task, manipulator, Scene.of([table, block]), manipulator.arm.start)
-    assert made.is_valid
-    return made
 
 
 @pytest.fixture(scope="session")

@@ -45,28 +45,24 @@ motions = st.integers(1, 60).flatmap(
 )
 
 
-def test_what_rests_is_not_animated(tracks: list[Track]) -> None:
-    moving = {track.path for track in tracks if not track.is_constant}
-    assert len(moving) == 4
+def test_only_moving_nodes_are_animated_after_all_are_placed(tracks: list[Track]) -> None:
+    assert len({track.path for track in tracks if not track.is_constant}) == 4
+    kinds = [command["type"] for command in animation_commands(tracks, DURATION_S)]
+    assert kinds == ["set_property"] * len(tracks) + ["set_animation"]
 
 
-def test_a_body_appears_at_its_time(tracks: list[Track]) -> None:
+def test_a_body_appears_at_its_time_where_it_then_stands(tracks: list[Track]) -> None:
     visible = track_of(tracks, "/bodies/block", "visible")
     assert visible.times_s.tolist() == [0.0, pytest.approx(APPEARS_S)]
     assert visible.values[:, 0].tolist() == [0.0, 1.0]
-
-
-def test_a_body_stands_ready_before_it_appears(tracks: list[Track]) -> None:
-    position = track_of(tracks, "/bodies/block", "position")
-    assert np.isfinite(position.values).all()
+    assert np.isfinite(track_of(tracks, "/bodies/block", "position").values).all()
 
 
 def test_a_body_that_was_never_there_stays_hidden(recording: Recording, tree: RobotTree) -> None:
     absent = np.full_like(recording.body_poses["block"], np.nan)
     poses = {**recording.body_poses, "block": absent}
     tracks = list(recorded_tracks(evolve(recording, body_poses=poses), tree))
-    keys = {track.key for track in tracks if track.path == "/bodies/block"}
-    assert keys == {"visible"}
+    assert {track.key for track in tracks if track.path == "/bodies/block"} == {"visible"}
 
 
 def test_keyframes_are_never_half_a_turn_apart(recording: Recording, tree: RobotTree) -> None:
@@ -74,8 +70,7 @@ def test_keyframes_are_never_half_a_turn_apart(recording: Recording, tree: Robot
     q[:, recording.joint_names.index("left_w2")] = np.linspace(-3.0, 3.0, len(q))
     tracks = list(recorded_tracks(evolve(recording, q=q), tree))
     quats = track_of(tracks, "left_w2/moves", "quaternion").values
-    dots = np.abs(np.einsum("ij,ij->i", quats[1:], quats[:-1]))
-    assert dots.min() > np.cos(np.pi / 4)
+    assert np.abs(np.einsum("ij,ij->i", quats[1:], quats[:-1])).min() > np.cos(np.pi / 4)
 
 
 def test_a_quaternion_that_changes_sign_is_no_motion(recording: Recording, tree: RobotTree) -> None:
@@ -95,25 +90,14 @@ def test_time_starts_at_zero_whenever_the_recording_began(
     assert {float(track.times_s[0]) for track in tracks} == {0.0}
 
 
-def test_the_animation_comes_after_all_it_moves(tracks: list[Track]) -> None:
-    commands = animation_commands(tracks, DURATION_S)
-    kinds = [command["type"] for command in commands]
-    assert kinds == ["set_property"] * len(tracks) + ["set_animation"]
-
-
 @given(motions)
 def test_interpolation_gives_the_samples_left_out(values: NDArray[np.float64]) -> None:
     times = np.linspace(0.0, 1.0, len(values)) if len(values) > 1 else np.zeros(1)
     kept = key_samples(times, values, TOLERANCE)
+    assert (kept[0], kept[-1]) == (0, len(values) - 1)
     for column in values.T:
         shown = np.interp(times, times[kept], column[kept])
         assert np.abs(shown - column).max() <= TOLERANCE + 1e-12
-
-
-@given(motions)
-def test_keeps_both_ends(values: NDArray[np.float64]) -> None:
-    kept = key_samples(np.arange(len(values), dtype=float), values, TOLERANCE)
-    assert (kept[0], kept[-1]) == (0, len(values) - 1)
 
 
 def test_a_straight_line_needs_two_samples() -> None:
@@ -121,14 +105,9 @@ def test_a_straight_line_needs_two_samples() -> None:
     assert key_samples(times, 0.3 * times[:, None], 1e-9).tolist() == [0, 500]
 
 
-def test_takes_no_more_frames_than_promised() -> None:
-    times = np.arange(1001) / 100.0
-    assert len(frame_samples(times)) <= 10 * FRAMES_PER_S + 2
-
-
-def test_takes_the_last_moment_too() -> None:
-    assert frame_samples(np.arange(100) / 100.0)[-1] == 99
-
-
-def test_takes_all_of_a_slow_recording() -> None:
-    assert frame_samples(np.arange(10) / 10.0).tolist() == list(range(10))
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+def test_frames_are_no_more_than_promised_and_include_the_last_moment(rate: float) -> None:
+    frames = frame_samples(np.arange(1001) / rate)
+    assert len(frames) <= min(1001, 1000 / rate * FRAMES_PER_S + 2)
+    assert (frames[0], frames[-1]) == (0, 1000)
+    assert np.diff(frames).max() == max(1, int(rate / FRAMES_PER_S) + (rate > FRAMES_PER_S))

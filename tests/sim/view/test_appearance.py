@@ -70,28 +70,20 @@ def test_stands_on_the_floor(appearance: Appearance) -> None:
     assert pedestal.mesh.points_m[:, 2].min() == pytest.approx(-0.93, abs=0.01)
 
 
-def test_both_arms_share_their_meshes(appearance: Appearance) -> None:
+def test_every_joint_carries_something_and_both_arms_the_same(
+    appearance: Appearance, robot: Baxter
+) -> None:
     def meshes(side: str) -> set[str]:
         return {part.mesh.name for part in appearance.parts if part.joint.startswith(f"{side}_")}
 
+    assert {part.joint for part in appearance.parts} == {"universe", *robot.joint_names}
     assert meshes("left") == meshes("right")
 
 
-def test_every_part_hangs_on_a_joint_of_the_robot(appearance: Appearance, robot: Baxter) -> None:
-    assert {part.joint for part in appearance.parts} <= {"universe", *robot.joint_names}
-
-
-def test_every_joint_of_the_arms_carries_something(appearance: Appearance, robot: Baxter) -> None:
-    assert {part.joint for part in appearance.parts} >= set(robot.joint_names)
-
-
-def test_has_no_markers_around_the_head(appearance: Appearance) -> None:
-    assert not any("collision_head" in part.mesh.name for part in appearance.parts)
-
-
-def test_the_arms_are_red(appearance: Appearance) -> None:
+def test_the_arms_are_red_and_the_head_has_no_markers(appearance: Appearance) -> None:
     colours = [part.rgb for part in appearance.parts if part.mesh.name == "E0.0"]
     assert all(red > 0.4 and green < 0.1 and blue < 0.1 for red, green, blue in colours)
+    assert not any("collision_head" in part.mesh.name for part in appearance.parts)
 
 
 def test_normals_are_of_unit_length(appearance: Appearance) -> None:
@@ -100,15 +92,9 @@ def test_normals_are_of_unit_length(appearance: Appearance) -> None:
         assert np.abs(lengths - 127.0).max() < 1.0, mesh.name
 
 
-def test_is_a_small_file() -> None:
+def test_the_file_is_small_read_only_and_carries_the_licence(appearance: Appearance) -> None:
     assert len((files("sim.view") / "appearance.npz").read_bytes()) <= MAX_BYTES
-
-
-def test_carries_the_licence_of_the_meshes(appearance: Appearance) -> None:
     assert "Rethink Robotics" in appearance.notice
-
-
-def test_arrays_cannot_be_changed(appearance: Appearance) -> None:
     with pytest.raises(ValueError, match="read-only"):
         appearance.parts[0].mesh.vertices[0] = 0
 

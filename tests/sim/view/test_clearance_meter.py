@@ -117,32 +117,24 @@ def nearest_and_points(
     return found
 
 
-def test_points_are_as_far_apart_as_it_says(
+def test_points_are_as_far_apart_as_the_distance_and_on_the_links_skin(
     meter: ClearanceMeter, robot: Baxter, poses: dict[str, pin.SE3]
 ) -> None:
-    positive = 0
-    for q in configurations(robot, 40):
+    body, positive = RobotBody.load(), 0
+    for number, q in enumerate(configurations(robot, 40)):
         near, points = nearest_and_points(meter, q, poses)
-        if near.distance_m > 0.0:
-            positive += 1
-            apart = np.linalg.norm(points[1] - points[0])
-            assert apart == pytest.approx(near.distance_m, abs=APART_M)
-    assert positive > 10
-
-
-def test_points_are_on_the_links_skin(
-    meter: ClearanceMeter, robot: Baxter, poses: dict[str, pin.SE3]
-) -> None:
-    body = RobotBody.load()
-    for q in configurations(robot, 12):
-        near, points = nearest_and_points(meter, q, poses)
+        assert near.first.startswith(("left_", "l_gripper"))  # what moves comes first
         if near.distance_m <= 0.0:
             continue
+        positive += 1
+        apart = np.linalg.norm(points[1] - points[0])
+        assert apart == pytest.approx(near.distance_m, abs=APART_M)
         for name, point in zip((near.first, near.second), points, strict=True):
-            if name in body.links:
-                seen = surface_of(name, robot, q)
-                _, off, _ = closest_point_naive(seen, point[None])  # type: ignore[no-untyped-call]
+            if name in body.links and number < 12:
+                skin = surface_of(name, robot, q)
+                _, off, _ = closest_point_naive(skin, point[None])  # type: ignore[no-untyped-call]
                 assert off[0] == pytest.approx(body.links[name].margin_m, abs=REFERENCE_M)
+    assert positive > 10
 
 
 def test_no_link_is_nearer_to_a_body_by_other_code(
@@ -157,7 +149,7 @@ def test_no_link_is_nearer_to_a_body_by_other_code(
     links = {shapes.links[i] for i in shapes.of_arm(arm) & shapes.wholes}
     others = [box for each in bodies.values() for box in boxes_of(each)]
     compared = 0
-    for q in [*executed.q[270::90], *configurations(robot, 2)]:
+    for q in [*executed.q[270::180], *configurations(robot, 1)]:
         near = nearest(meter, q, poses)
         least = min(
             distance_m(object_of(surface_of(link, robot, q)), box) - body.links[link].margin_m
@@ -170,13 +162,6 @@ def test_no_link_is_nearer_to_a_body_by_other_code(
             compared += 1
             assert near.distance_m == pytest.approx(least, abs=REFERENCE_M)
     assert compared > 1
-
-
-def test_what_moves_comes_first(
-    meter: ClearanceMeter, robot: Baxter, poses: dict[str, pin.SE3]
-) -> None:
-    for q in configurations(robot, 10):
-        assert nearest(meter, q, poses).first.startswith(("left_", "l_gripper"))
 
 
 def test_bodies_that_are_not_there_do_not_count(meter: ClearanceMeter, robot: Baxter) -> None:
@@ -199,22 +184,14 @@ def test_a_hand_that_may_touch_a_body_does_not_count_against_it(
     inside = {"block": at(*tip.translation)}
     touching = nearest(meter, q, inside)
     assert touching.distance_m <= 0.0
+    if hand.touchable is not None:  # an intended contact counts where it presses too deep
+        assert nearest(meter, q, inside, hand).distance_m < 0.0
     assert "block" in (touching.first, touching.second)
     above = {"block": at(*(tip.translation + np.array([0.0, 0.0, -0.06])))}
     assert "block" in nearest(meter, q, above).second
     near = nearest(meter, q, above, hand)
     assert "block" not in (near.first, near.second)
     assert near.distance_m > 0.0
-
-
-def test_an_intended_contact_counts_where_it_presses_too_deep(
-    meter: ClearanceMeter, robot: Baxter
-) -> None:
-    q, arm = np.array(robot.configuration()), robot.arm("left")
-    q[list(robot.indices(arm.joint_names))] = arm.start
-    inside = {"block": at(*arm.T_base_tip(arm.start).translation)}
-    pressed = nearest(meter, q, inside, HandState(None, "block", frozenset()))
-    assert pressed.distance_m < 0.0
 
 
 @pytest.mark.parametrize(
@@ -240,15 +217,6 @@ def test_a_held_body_counts_against_others_unless_it_may_touch_them(
     assert ((near.first, near.second) == ("block", "table")) is counts
 
 
-def test_both_arms_count_when_both_move(meter: ClearanceMeter, robot: Baxter) -> None:
-    for q in configurations(robot, 6):
-        one, other, least = (
-            nearest(meter, q, {}, moving=sides)
-            for sides in (("left",), ("right",), ("left", "right"))
-        )
-        assert least.distance_m == pytest.approx(min(one.distance_m, other.distance_m), abs=1e-9)
-
-
 def test_a_pair_of_the_moving_arm_is_preferred_to_one_that_stands(
     shapes: RobotShapes, robot: Baxter
 ) -> None:
@@ -262,6 +230,8 @@ def test_a_pair_of_the_moving_arm_is_preferred_to_one_that_stands(
     right = nearest(meter, q, beside, moving=("right",))
     assert right.first.startswith(("right_", "r_gripper"))
     assert right.distance_m >= both.distance_m
+    one, other = (nearest(meter, q, beside, moving=(side,)) for side in ("left", "right"))
+    assert both.distance_m == pytest.approx(min(one.distance_m, other.distance_m), abs=1e-9)
 
 
 def test_bodies_may_be_elsewhere_each_time(meter: ClearanceMeter, robot: Baxter) -> None:

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from sim.view.encoding import packed
 from sim.view.meshcat_commands import (
     TUBE_STEP_M,
     compact,
     delete,
     glowing,
     material,
+    packed,
     painted,
     set_object,
     set_property,
@@ -81,9 +81,6 @@ def test_an_object_names_the_geometry_and_material_that_it_is_drawn_with() -> No
     assert drawn["geometry"] == command["object"]["geometries"][0]["uuid"]
     assert drawn["material"] == command["object"]["materials"][0]["uuid"]
     assert "matrix" not in drawn
-
-
-def test_a_geometry_with_a_name_of_its_own_keeps_it() -> None:
     named = triangles(np.zeros((3, 3), np.int16), np.zeros((1, 3), np.uint16), uuid="cup")
     assert set_object("/a", named, glowing((0, 0, 0)))["object"]["object"]["geometry"] == "cup"
 
@@ -104,7 +101,7 @@ def test_colours_are_numbers_and_stay_within_what_a_screen_shows(
     assert glowing(rgb)["color"] == number
 
 
-def test_what_may_be_seen_through_says_so() -> None:
+def test_transparent_materials_are_marked() -> None:
     assert not material((1.0, 1.0, 1.0))["transparent"]
     assert material((1.0, 1.0, 1.0), opacity=0.5)["transparent"]
     assert painted(gloss=0.1)["transparent"]
@@ -120,7 +117,7 @@ def test_properties_and_deletions_name_their_node() -> None:
     assert delete("/a") == {"type": "delete", "path": "/a"}
 
 
-def test_triangles_say_how_javascript_calls_their_arrays() -> None:
+def test_triangles_name_their_arrays_as_javascript_does() -> None:
     vertices, faces = np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32)
     data = triangles(
         vertices, faces, np.zeros((3, 3), np.int8), colours=np.ones((3, 4), np.float32)
@@ -153,7 +150,7 @@ def test_the_corners_of_a_tube_are_its_radius_from_its_line_and_around_it(
         assert np.array(ends) == pytest.approx(np.array([0 * way, end - begin]), abs=rounded_m)
 
 
-def test_a_stretch_of_no_length_has_a_tube_of_finite_numbers() -> None:
+def test_a_segment_of_no_length_has_a_tube_of_finite_numbers() -> None:
     vertices, _ = tube(np.zeros((3, 3)), RADIUS_M)
     assert np.isfinite(vertices).all()
 

@@ -1,5 +1,8 @@
+"""What is drawn over the scene: frames, goals, a ghost, tip paths."""
+
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,17 +14,27 @@ from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
 from sim.view.appearance import Appearance
+from sim.view.meshcat_commands import Command
 from sim.view.overlays import (
+    EMPTY_RGB,
     GHOST_PATH,
+    HOLDING_RGB,
     MAX_GOALS,
+    MAX_PIECE_POINTS,
+    MAX_PIECES,
+    MAX_STEP_M,
+    SEGMENT_M,
+    PathPiece,
+    TipPath,
     frame_commands,
     frame_paths,
     ghost_commands,
     ghost_of,
     goal_commands,
-    nearest_command,
+    recorded_paths,
     varying_parts,
 )
+from sim.view.panel import gripper_timelines
 from sim.view.scenegraph import RobotTree
 
 MESH_M = 1e-9
@@ -41,17 +54,15 @@ def matrix_of(command: dict[str, Any]) -> FloatArray:
     return np.array(command["object"]["object"]["matrix"]).reshape(4, 4).T
 
 
-def test_the_nearest_two_are_joined_by_a_cylinder_of_length_and_radius_one() -> None:
-    (geometry,) = nearest_command()["object"]["geometries"]
-    assert (geometry["height"], geometry["radiusTop"], geometry["radiusBottom"]) == (1, 1, 1)
-
-
-def test_frames_are_at_base_tips_and_joints_of_both_arms(robot: Baxter, tree: RobotTree) -> None:
+def test_frames_are_at_base_tips_and_joints_of_both_arms_and_share_their_triangles(
+    robot: Baxter, tree: RobotTree
+) -> None:
     paths = frame_paths(robot, tree)
     assert len(paths) == len(set(paths)) == 1 + 2 + 14
-    commands = list(frame_commands(robot, tree))
-    assert [c["path"] for c in commands if c["type"] == "set_object"] == paths
+    drawn = [c for c in frame_commands(robot, tree) if c["type"] == "set_object"]
+    assert [c["path"] for c in drawn] == paths
     assert "/robot/frame" in paths
+    assert {c["object"]["geometries"][0]["uuid"] for c in drawn} == {"axes"}
 
 
 def test_a_tips_frame_is_where_the_tip_is(robot: Baxter, tree: RobotTree) -> None:
@@ -65,11 +76,6 @@ def test_a_tips_frame_is_where_the_tip_is(robot: Baxter, tree: RobotTree) -> Non
     frame = model.frames[model.getFrameId(tip)]
     seen = data.oMi[frame.parentJoint].homogeneous @ np.array(placed["matrix"]).reshape(4, 4).T
     assert seen == pytest.approx(data.oMf[model.getFrameId(tip)].homogeneous)
-
-
-def test_frames_share_their_triangles(robot: Baxter, tree: RobotTree) -> None:
-    drawn = [c["object"] for c in frame_commands(robot, tree) if c["type"] == "set_object"]
-    assert {each["geometries"][0]["uuid"] for each in drawn} == {"axes"}
 
 
 def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
@@ -92,48 +98,31 @@ def test_a_goals_hand_is_where_the_arm_has_it_at_the_end(
         assert seen[:3] == pytest.approx(T.act(part.mesh.centre_m), abs=MESH_M)
 
 
-def test_goals_share_the_robots_triangles(
+def test_goals_share_the_robots_triangles_and_are_drawn_once_up_to_a_maximum(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
+    def drawn(recording: Recording) -> set[str]:
+        commands = goal_commands(recording, robot, appearance)
+        return {command["path"].split("/")[2] for command in commands}
+
     known = {f"mesh {part.mesh.name}" for part in appearance.parts}
     for command in goal_commands(executed, robot, appearance):
         assert command["object"]["geometries"][0]["uuid"] in known
-
-
-def test_the_same_goal_is_drawn_once(
-    executed: Recording, robot: Baxter, appearance: Appearance
-) -> None:
-    again = evolve(executed, moves=executed.moves * 3)
-    one, three = (
-        {c["path"].split("/")[2] for c in goal_commands(each, robot, appearance)}
-        for each in (executed, again)
-    )
-    assert len(three) == len(one) <= len(executed.moves)
-
-
-def test_there_are_not_more_goals_than_allowed(
-    executed: Recording, robot: Baxter, appearance: Appearance
-) -> None:
+    again = drawn(evolve(executed, moves=executed.moves * 3))
+    assert len(again) == len(drawn(executed)) <= len(executed.moves)
     (move, *_) = executed.moves
-    trajectory = move.trajectory
-    moves = [
-        evolve(move, trajectory=evolve(trajectory, q=trajectory.q + 0.01 * number))
+    moves = tuple(
+        evolve(move, trajectory=evolve(move.trajectory, q=move.trajectory.q + 0.01 * number))
         for number in range(MAX_GOALS + 5)
-    ]
-    many = evolve(executed, moves=tuple(moves))
-    drawn = {c["path"].split("/")[2] for c in goal_commands(many, robot, appearance)}
-    assert len(drawn) == MAX_GOALS
+    )
+    assert len(drawn(evolve(executed, moves=moves))) == MAX_GOALS
 
 
-def test_a_ghost_has_only_the_parts_that_can_differ(
+def test_a_ghost_has_only_what_can_differ(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
     parts = varying_parts(appearance, robot, executed, executed).parts
-    assert parts
     assert {part.joint.split("_")[0] for part in parts} == {"left", "l"}
-
-
-def test_a_ghost_has_only_the_bodies_that_do_not_just_stand_alike(executed: Recording) -> None:
     assert list(ghost_of(executed, executed).bodies) == ["block"]
     moved = {name: poses + 0.01 for name, poses in executed.body_poses.items()}
     other = evolve(executed, body_poses=moved)
@@ -151,3 +140,124 @@ def test_a_ghost_stands_below_its_own_root_and_shows_through(
             (surface,) = command["object"]["materials"]
             assert surface["opacity"] < 1.0
             assert surface["transparent"]
+
+
+LINE_TOLERANCE_M = 1e-3
+"""How far a line may be from where the tip was."""
+
+
+def paths_of(recording: Recording, robot: Baxter) -> list[PathPiece]:
+    return list(recorded_paths(recording, robot, gripper_timelines(recording)))
+
+
+@pytest.fixture(scope="module")
+def pieces(executed: Recording, robot: Baxter) -> list[PathPiece]:
+    return paths_of(executed, robot)
+
+
+def walk(
+    tip_path: TipPath, steps: int, *, start_m: float = 0.0, is_holding: bool = False
+) -> list[Command]:
+    """What is drawn while the tip goes along x, a little more than a stretch at a time."""
+    return [
+        command
+        for step in range(steps)
+        for command in tip_path.advance(
+            np.array([start_m + 1.01 * SEGMENT_M * step, 0.0, 0.0]), is_holding=is_holding
+        )
+    ]
+
+
+def colour(command: Command) -> int:
+    return int(command["object"]["materials"][0]["color"])
+
+
+def hexed(rgb: tuple[float, float, float]) -> int:
+    red, green, blue = (round(255 * value) for value in rgb)
+    return red << 16 | green << 8 | blue
+
+
+def test_a_pick_and_place_is_empty_laden_and_empty(pieces: list[PathPiece]) -> None:
+    assert [(piece.side, piece.is_holding) for piece in pieces] == [
+        ("left", False),
+        ("left", True),
+        ("left", False),
+    ]
+
+
+def test_both_arms_have_lines_when_both_move(recording: Recording, robot: Baxter) -> None:
+    q = recording.q.copy()
+    q[:, robot.joint_names.index("right_s0")] += np.linspace(0.0, 0.5, len(q))
+    both = paths_of(evolve(recording, q=q), robot)
+    assert [piece.side for piece in both] == ["left", "right"]
+
+
+def test_pieces_join_and_times_increase(pieces: list[PathPiece]) -> None:
+    for piece, following in pairwise(pieces):
+        assert np.array_equal(piece.points_base[-1], following.points_base[0])
+    assert all((np.diff(piece.times_s) > 0.0).all() for piece in pieces)
+
+
+def test_lines_pass_where_the_tip_was(
+    pieces: list[PathPiece], executed: Recording, robot: Baxter
+) -> None:
+    arm = robot.arm("left")
+    joints = list(robot.indices(arm.joint_names))
+    drawn = np.concatenate([_refined(piece.points_base) for piece in pieces])
+    for q in executed.q[::15]:
+        offsets = np.linalg.norm(drawn - arm.T_base_tip(q[joints]).translation, axis=1)
+        assert offsets.min() < 2 * LINE_TOLERANCE_M
+
+
+def _refined(
+    points: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    shares = np.linspace(0.0, 1.0, 40)[:, None, None]
+    return ((1 - shares) * points[:-1] + shares * points[1:]).reshape(-1, 3)
+
+
+def test_a_line_has_no_more_points_than_it_needs(pieces: list[PathPiece]) -> None:
+    points = np.concatenate([piece.points_base for piece in pieces])
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    assert len(points) < 2 * length / SEGMENT_M
+
+
+def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
+    q = recording.q.copy()
+    q[150:, robot.joint_names.index("left_s0")] += 1.5
+    pieces = paths_of(evolve(recording, q=q), robot)
+    assert len(pieces) == 2
+    longest = max(np.linalg.norm(np.diff(p.points_base, axis=0), axis=1).max() for p in pieces)
+    assert longest < 0.1
+
+
+def test_a_trail_is_drawn_behind_a_tip_that_moves_in_growing_pieces() -> None:
+    resting = TipPath("left")
+    assert [resting.advance(np.zeros(3), is_holding=False) for _ in range(5)] == [[]] * 5
+    (line,) = walk(TipPath("left"), 2)
+    assert line["path"].startswith("/path/left/")
+    for more, pieces in ((0, 1), (1, 2)):
+        lines = walk(TipPath("left"), MAX_PIECE_POINTS + more)
+        assert len({line["path"] for line in lines}) == pieces
+
+
+def test_the_colour_changes_with_the_grasp() -> None:
+    tip_path = TipPath("left")
+    empty = walk(tip_path, 3)
+    laden = walk(tip_path, 3, start_m=3 * SEGMENT_M, is_holding=True)
+    assert {colour(line) for line in empty} == {hexed(EMPTY_RGB)}
+    assert {colour(line) for line in laden} == {hexed(HOLDING_RGB)}
+
+
+def test_old_pieces_vanish() -> None:
+    commands = walk(TipPath("left"), MAX_PIECE_POINTS * (MAX_PIECES + 5))
+    drawn = {c["path"] for c in commands if c["type"] == "set_object"}
+    deleted = {c["path"] for c in commands if c["type"] == "delete"}
+    assert len(drawn - deleted) == MAX_PIECES
+
+
+def test_a_jump_is_not_drawn_in_a_trail() -> None:
+    tip_path = TipPath("left")
+    walk(tip_path, 3)
+    far = np.array([3 * SEGMENT_M + 2 * MAX_STEP_M, 0.0, 0.0])
+    assert tip_path.advance(far, is_holding=False) == []

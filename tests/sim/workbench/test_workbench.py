@@ -12,11 +12,12 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.errors import PoseError, UnknownNameError
-from planner import Plan, make_block, verify
+from planner import make_block, verify
 from planner.errors import SceneError
-from sim import Event, EventKind, Observer, SimulationError, TaskResult, Workbench
+from sim import EventKind, SimulationError, TaskResult, Workbench
 from sim.workbench.tabletop import TABLE_Z_M, on_table
 from tests.conftest import at
+from tests.sim.runs import Witness
 
 PLACED_WITHIN_M = 1e-5
 
@@ -58,13 +59,16 @@ def test_a_block_goes_where_it_is_sent(carried: tuple[Workbench, TaskResult]) ->
     )
     assert bench.tasks == [task]
     assert bench.motion_s == task.motion_s > 1.0
-
-
-def test_what_came_of_it_is_one_line(carried: tuple[Workbench, TaskResult]) -> None:
-    text = str(carried[1])
+    text = str(task)
     assert text.startswith("carry red: done by the left arm in ")
     assert re.search(r" mm off its place \(verified, \d+ checks\)$", text)
     assert "\n" not in text
+    assert task.plan is not None
+    assert verify(task.plan).is_valid
+    recording = bench.recording()
+    assert recording.times_s[-1] == bench.simulation.time_s
+    assert set(recording.bodies) == {"table", "red"}
+    assert bench.replay().html.startswith("<!DOCTYPE html>")
 
 
 def test_the_faster_arm_does_it_unless_one_is_named(robot: Baxter) -> None:
@@ -159,82 +163,60 @@ def test_a_block_inside_a_table_that_is_measured_higher_is_lifted_out_of_it_with
     assert bottom_m == pytest.approx(TABLE_Z_M + 0.003, abs=1e-6)
 
 
-def test_the_plan_comes_with_the_result(
-    still: Workbench, carried: tuple[Workbench, TaskResult]
-) -> None:
-    done, refused = carried[1], still.carry("red", to=(1.40, 0.40), arm="left")
-    assert done.plan is not None
-    assert verify(done.plan).is_valid
-    assert refused.plan is not None
-    assert str(refused.plan.failure) in str(refused)
-
-
-def test_a_place_that_is_taken_is_refused(bench: Workbench) -> None:
-    bench.add_block("blue", 0.75, 0.0)
-    task = bench.carry("red", to=(0.76, 0.01))
-    assert "refused" in str(task)
-    assert "blue" in str(task)
-
-
 def test_a_block_that_would_hang_in_the_air_is_refused_or_reported(still: Workbench) -> None:
     task = still.carry("red", to=on_table(0.75, 0.0, 0.05, above_m=0.1))
     assert not task.is_done
     assert "verified" not in task.verdict
+    refused = still.carry("red", to=(1.40, 0.40), arm="left")
+    assert refused.plan is not None
+    assert str(refused.plan.failure) in str(refused)
 
 
-def test_an_unknown_block_is_a_sentence_that_names_the_known(still: Workbench) -> None:
-    with pytest.raises(SceneError, match="no body 'green' in the scene; it has: table, red"):
-        still.carry("green", to=(0.7, 0.0))
-    with pytest.raises(SceneError, match="no body 'green'"):
-        still.carry("red", onto="green")
+NOWHERE: Any = [
+    "0.7 0.0",
+    (0.7,),
+    (0.7, 0.0, 0.1),
+    (0.7, math.nan),
+    0.7,
+    {},
+]
 
 
-def test_the_table_is_not_carried(still: Workbench) -> None:
-    with pytest.raises(SceneError, match="'table' is not a block to carry; there are: red"):
-        still.carry("table", to=(0.7, 0.0))
-    with pytest.raises(SceneError, match="'red' cannot stand on itself"):
-        still.carry("red", onto="red")
+@pytest.mark.parametrize(
+    ("what", "where", "error", "words"),
+    [
+        ("green", {"to": (0.7, 0.0)}, SceneError, "'green' in the scene; it has: table, red"),
+        ("red", {"onto": "green"}, SceneError, "no body 'green'"),
+        (
+            "table",
+            {"to": (0.7, 0.0)},
+            SceneError,
+            "'table' is not a block",
+        ),
+        ("red", {"onto": "red"}, SceneError, "cannot stand on itself"),
+        ("red", {"to": (0.7, 0.0), "arm": "middle"}, UnknownNameError, "middle"),
+        ("red", {}, SimulationError, "where the block goes"),
+        ("red", {"to": (0.7, 0.0), "onto": "red"}, SimulationError, "where the block goes"),
+        ("red", {"to": pin.SE3(2.0 * np.eye(3), np.zeros(3))}, PoseError, "rotation"),
+        *(("red", {"to": to}, SceneError, "a place is x and y in base in m") for to in NOWHERE),
+    ],
+)
+def test_an_order_that_has_no_meaning_is_refused(
+    still: Workbench, what: str, where: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        still.carry(what, **where)
 
 
-def test_an_arm_that_does_not_exist_is_named(still: Workbench) -> None:
-    with pytest.raises(UnknownNameError, match="middle"):
-        still.carry("red", to=(0.7, 0.0), arm="middle")
-    with pytest.raises(UnknownNameError, match="middle"):
-        still.withdraw("middle")
-
-
-def test_one_place_must_be_given(still: Workbench) -> None:
-    for where in ({}, {"to": (0.7, 0.0), "onto": "red"}):
-        with pytest.raises(SimulationError, match="say where the block goes"):
-            still.carry("red", **where)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("to", ["0.7 0.0", (0.7,), (0.7, 0.0, 0.1), (0.7, math.nan), 0.7, {}])
-def test_a_place_is_two_numbers_or_a_pose(still: Workbench, to: Any) -> None:
-    with pytest.raises(SceneError, match="a place is x and y in base in m"):
-        still.carry("red", to=to)
-
-
-def test_a_pose_must_be_one(still: Workbench) -> None:
-    with pytest.raises(PoseError):
-        still.carry("red", to=pin.SE3(2.0 * np.eye(3), np.zeros(3)))
-
-
-def test_a_name_that_is_taken_is_refused(still: Workbench) -> None:
-    with pytest.raises(SceneError, match="already has a body named 'red'"):
-        still.add_block("red", 0.60, -0.2)
-
-
-def test_blocks_are_not_put_inside_each_other(bench: Workbench) -> None:
+def test_blocks_are_put_on_the_table_and_not_inside_each_other(bench: Workbench) -> None:
     with pytest.raises(SceneError, match=r"no room for 'blue' at \(0.73, 0.16\) m: 'red' stands"):
         bench.add_block("blue", 0.73, 0.16, yaw_rad=0.4)
+    with pytest.raises(SceneError, match=r"no room for 'blue': \(0.2, 0\) m is beside the table"):
+        bench.add_block("blue", 0.2, 0.0)
+    with pytest.raises(SceneError, match="'red'"):
+        bench.add_block("red", 0.60, -0.2)  # the name is taken
     bench.add_block("blue", 0.75, 0.15)  # beside it, touching
     assert "blue" in bench.world.scene.bodies
-
-
-def test_blocks_are_put_on_the_table(still: Workbench) -> None:
-    with pytest.raises(SceneError, match=r"no room for 'blue': \(0.2, 0\) m is beside the table"):
-        still.add_block("blue", 0.2, 0.0)
 
 
 IN_MILLIMETRES = (
@@ -282,53 +264,34 @@ def test_a_plan_that_an_idle_arm_hinders_is_refused_with_the_way_out(bench: Work
     assert bench.execute(plan)[1]
 
 
-def test_all_of_it_is_recorded_and_can_be_replayed(bench: Workbench) -> None:
-    bench.carry("red", to=(0.75, 0.0), arm="left")
-    first = bench.recording()
-    assert first.times_s[-1] == bench.simulation.time_s
-    assert set(first.bodies) == {"table", "red"}
-    assert bench.replay().html.startswith("<!DOCTYPE html>")
-    bench.carry("red", to=(0.70, 0.15), arm="left")
-    assert len(bench.recording().times_s) > len(first.times_s)
-
-
-def test_a_new_bench_can_be_recorded(bench: Workbench) -> None:
-    assert bench.recording().times_s.tolist() == [0.0]
-
-
-def test_observers_are_notified(robot: Baxter) -> None:
-    class Diary(Observer):
-        def __init__(self) -> None:
-            self.kinds: list[EventKind] = []
-
-        def on_event(self, event: Event) -> None:
-            self.kinds.append(event.kind)
-
-    diary = Diary()
+def test_observers_are_notified_and_a_new_bench_can_be_recorded(robot: Baxter) -> None:
+    diary = Witness()
     bench = Workbench(robot, observers=[diary])
     bench.add_block("red", 0.70, 0.15)
+    assert bench.recording().times_s.tolist() == [0.0]
     bench.carry("red", to=(0.75, 0.0), arm="left")
     assert diary.kinds[:2] == [EventKind.SPAWNED] * 2
     assert {EventKind.GRASPED, EventKind.RELEASED} <= set(diary.kinds)
+    first = bench.recording()
+    bench.withdraw("left")
+    assert len(bench.recording().times_s) > len(first.times_s)
 
 
-def test_a_plan_that_is_not_proven_is_not_executed(still: Workbench) -> None:
-    plan = still.plan("left", "red", on_table(0.75, 0.0, 0.05))
+def test_an_invalid_plan_is_not_executed(still: Workbench) -> None:
     invalid = still.plan("left", "red", on_table(2.0, 0.0, 0.05))
-    assert isinstance(plan, Plan)
     verdict, is_done = still.execute(invalid)
     assert not is_done
     assert verdict.startswith("refused: ")
     assert still.simulation.time_s == 0.0
 
 
-def test_a_result_of_other_values_is_refused() -> None:
-    with pytest.raises(SimulationError, match=r"TaskResult\.is_done"):
-        TaskResult("carry red", "red", "left", 1.0, 1.0, 0.0, "verified", "yes")  # type: ignore[arg-type]
-
-
-def test_arguments_of_other_classes_are_refused(robot: Baxter) -> None:
+def test_wrong_arguments_are_refused(robot: Baxter, still: Workbench) -> None:
     wrong: Any
     for wrong in ({"robot": "baxter"}, {"observers": [robot]}, {"observers": robot}):
         with pytest.raises(SimulationError):
             Workbench(**wrong)
+    wrong = "yes"
+    with pytest.raises(SimulationError, match=r"TaskResult\.is_done"):
+        TaskResult("carry red", "red", "left", 1.0, 1.0, 0.0, "verified", wrong)
+    with pytest.raises(UnknownNameError, match="middle"):
+        still.withdraw("middle")

@@ -26,12 +26,9 @@ def bench(robot: Baxter) -> Workbench:
     return bench
 
 
-def test_a_block_as_place_needs_onto(bench: Workbench) -> None:
-    with pytest.raises(SceneError, match="to put it on 'blue', write onto='blue'"):
+def test_places_and_blocks_that_are_mixed_up_are_told_apart(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match="write onto='blue'"):
         bench.carry("red", to="blue")
-
-
-def test_a_place_as_block_needs_to(bench: Workbench) -> None:
     onto: Any = (0.7, 0.0)
     with pytest.raises(SceneError, match=r"name of a block, such as 'blue', got \(0.7, 0.0\)"):
         bench.carry("red", onto=onto)
@@ -45,21 +42,13 @@ def test_a_place_may_be_seen_from_a_frame_of_ones_own(bench: Workbench) -> None:
         assert found.isApprox(checked_pose(place), 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("to", "hint"),
-    [
-        ((75.0, 0.0), "are these centimetres? Lengths are in metres: 75 cm is 0.75 m"),
-        ((750.0, 0.0), "are these millimetres? Lengths are in metres: 750 mm is 0.75 m"),
-    ],
-)
-def test_a_place_in_other_units_is_questioned(
-    bench: Workbench, to: tuple[float, float], hint: str
-) -> None:
-    assert str(bench.carry("red", to=to)).endswith(hint)
-
-
-def test_a_place_beside_the_table_is_not_questioned(bench: Workbench) -> None:
-    assert "are these" not in str(bench.carry("red", to=(1.6, 0.0)))
+def test_a_place_in_other_units_is_questioned(bench: Workbench) -> None:
+    for x_m, hint in ((75.0, "75 cm is 0.75 m"), (750.0, "750 mm is 0.75 m")):
+        assert str(bench.carry("red", to=(x_m, 0.0))).endswith(hint)
+    beside = bench.carry("red", to=(1.6, 0.0))
+    assert "are these" not in str(beside)
+    assert len(str(beside)) > len(repr(beside))
+    assert pretty(beside) == str(beside)  # type: ignore[no-untyped-call]  # as a notebook shows it
 
 
 def test_an_idle_arm_that_alone_is_in_the_way_withdraws_first(bench: Workbench) -> None:
@@ -99,9 +88,3 @@ def test_an_arm_that_rests_is_in_nobodys_way(bench: Workbench) -> None:
     refused = str(bench.carry("red", to=(0.70, 0.30), arm="left"))
     assert "wall stands there" in refused
     assert not re.search("withdraw", refused)
-
-
-def test_a_notebook_shows_the_whole_refusal(bench: Workbench) -> None:
-    refused = bench.carry("red", to=(1.6, 0.0))
-    assert len(str(refused)) > len(repr(refused))
-    assert pretty(refused) == str(refused)  # type: ignore[no-untyped-call]

@@ -94,6 +94,13 @@ def plan(robot: Baxter, manipulator: Manipulator, table: Body) -> Plan:
     return plan
 
 
+@pytest.fixture(scope="module")
+def certificate(plan: Plan) -> Certificate:
+    found = verify(plan)
+    assert found.is_valid, found.verdict
+    return found
+
+
 @pytest.fixture
 def bench(robot: Baxter, manipulator: Manipulator, table: Body, plan: Plan) -> Bench:
     return Bench(robot, manipulator, table, plan)
@@ -102,7 +109,9 @@ def bench(robot: Baxter, manipulator: Manipulator, table: Body, plan: Plan) -> B
 class TestOutcome:
     """An execution says what was hit, and whether its plan had been verified."""
 
-    def test_a_success_that_went_into_a_box_says_so(self, bench: Bench) -> None:
+    def test_a_success_that_went_into_a_box_says_so_and_the_next_one_does_not(
+        self, bench: Bench
+    ) -> None:
         bench.simulation.spawn(make_block("box", at(0.70, 0.045, TABLE_Z_M + 0.025)))
         for goal in ((0.70, 0.0, 0.0), (0.70, 0.0, -0.12)):
             outcome = bench.line(*goal)
@@ -110,57 +119,48 @@ class TestOutcome:
         assert [hit.other for hit in outcome.hits] == ["box"]
         assert list(outcome.hits) == bench.diary.hits
         assert "inside box" in repr(outcome)
-
-    def test_hits_are_those_of_that_execution_alone(self, bench: Bench) -> None:
-        bench.simulation.spawn(make_block("box", at(0.70, 0.045, TABLE_Z_M + 0.025)))
-        assert bench.line(0.70, 0.0, -0.12).hits
         assert not bench.line(0.70, 0.0, 0.1).hits
 
-    def test_a_plan_without_a_certificate_is_warned_of(
-        self, bench: Bench, caplog: pytest.LogCaptureFixture
+    def test_a_certificate_that_is_missing_or_not_valid_is_warned_of_unless_on_purpose(
+        self, bench: Bench, certificate: Certificate, caplog: pytest.LogCaptureFixture
     ) -> None:
-        bench.simulation.execute(bench.plan)
-        assert "executed without a certificate" in caplog.text
-
-    def test_a_certificate_that_is_not_valid_is_warned_of(
-        self, bench: Bench, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        strict = evolve(bench.plan.moves[0].trajectory.limits, j_max=np.full(7, 1.0))
-        certificate = verify(bench.plan, limits=strict)
-        assert not certificate.is_valid
+        plan = evolve(bench.plan, steps=bench.plan.steps[:3])
+        strict = evolve(plan.moves[0].trajectory.limits, j_max=np.full(7, 1.0))
+        invalid = verify(plan, limits=strict)
+        assert not invalid.is_valid
+        options: dict[str, Any]
+        for options, warning in (
+            ({}, "without a certificate"),
+            ({"certificate": invalid}, "not valid"),
+            ({"unverified": True}, ""),
+        ):
+            caplog.clear()
+            bench.world.move_arm("left", plan.q_start)
+            bench.simulation.execute(plan, **options)
+            assert warning in caplog.text
+            assert bool(caplog.records) == bool(warning)
+        bench.world.move_arm("left", plan.q_start)
         bench.simulation.execute(bench.plan, certificate=certificate)
-        assert "its certificate is not valid" in caplog.text
-
-    def test_nothing_is_warned_of_where_the_certificate_counts(
-        self, bench: Bench, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        bench.simulation.execute(bench.plan, certificate=verify(bench.plan))
-        assert not caplog.records
-
-    def test_nothing_is_warned_of_where_it_is_missing_on_purpose(
-        self, bench: Bench, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        bench.simulation.execute(bench.plan, unverified=True)
         assert not caplog.records
 
 
 class TestTable:
     """What does not give way ends the move."""
 
-    def test_a_held_block_does_not_pass_through_the_table(self, bench: Bench) -> None:
+    def test_a_held_block_does_not_pass_through_the_table_and_stays_at_the_last_free_check(
+        self, bench: Bench
+    ) -> None:
         bench.grasp()
         outcome = bench.line(0.70, 0.15, -0.2)
         assert outcome.failure == "line: the held red would pass through the table"
         lowest = bench.world.body("red").extent_m((0, 0, 1))[0]
         assert lowest >= TABLE_Z_M - PRESSING_TOLERANCE_M
-
-    def test_the_arm_stays_at_the_last_check_without_contact(self, bench: Bench) -> None:
-        bench.grasp()
-        outcome = bench.line(0.70, 0.15, -0.2)
         (contact,) = bench.diary.hits
         assert outcome.duration_s == pytest.approx(contact.free_s, abs=1e-9)
         assert 0.0 < contact.time_s - contact.free_s <= CHECK_S + 1e-9
         assert contact.depth_m > PRESSING_TOLERANCE_M
+        bench.simulation = Simulation(bench.world, check_contacts=False)
+        assert bench.line(0.70, 0.15, -0.2).is_success
 
     def test_the_fingers_do_not_either(self, bench: Bench) -> None:
         bench.world.delete("red")
@@ -202,15 +202,12 @@ class TestMovable:
         bench.simulation.spawn(make_block("brick", at(0.70, 0.0, 0.0), edge_m=(0.03, 0.03, 0.25)))
         return bench
 
-    def test_a_hit_is_reported_once_and_the_plan_goes_on(self, blocked: Bench) -> None:
+    def test_a_hit_is_reported_once_at_its_time_and_the_plan_goes_on(self, blocked: Bench) -> None:
         before = blocked.world.body("brick").T_base_body
         outcome = blocked.simulation.execute(blocked.plan)
         assert outcome.is_success
         assert [(hit.other, hit.stops) for hit in blocked.diary.hits] == [("brick", False)]
         assert blocked.world.body("brick").T_base_body == before
-
-    def test_a_hit_is_reported_at_its_time(self, blocked: Bench) -> None:
-        blocked.simulation.execute(blocked.plan)
         events = blocked.diary.events
         number = next(i for i, e in enumerate(events) if e.kind is EventKind.HIT)
         begin = max(e.time_s for e in events[:number] if e.kind is EventKind.MOVE_STARTED)
@@ -218,32 +215,23 @@ class TestMovable:
         assert isinstance(hit.detail, Contact)
         assert hit.time_s == pytest.approx(begin + hit.detail.time_s, abs=1e-9)
         assert "brick, which is left where it is" in hit.text
+        for tick_s in (0.0037, 0.5):
+            diary, world = Diary(), World(blocked.world.robot)
+            world.move_arm("left", blocked.plan.q_start)
+            simulation = Simulation(world, [diary], tick_s=tick_s)
+            for body in (*blocked.plan.start.scene, blocked.world.body("brick")):
+                simulation.spawn(body)
+            simulation.execute(blocked.plan)
+            assert diary.hits == blocked.diary.hits
 
-    @pytest.mark.parametrize("tick_s", [0.0037, 0.5])
-    def test_the_tick_does_not_change_what_is_hit(
-        self, blocked: Bench, bench: Bench, tick_s: float
+    def test_a_block_that_was_displaced_is_hit_by_the_fingers_and_reported_once(
+        self, bench: Bench
     ) -> None:
-        diary = Diary()
-        world = World(bench.world.robot)
-        world.move_arm("left", bench.manipulator.arm.start)
-        simulation = Simulation(world, [diary], tick_s=tick_s)
-        for body in blocked.world.scene:
-            simulation.spawn(body)
-        simulation.execute(blocked.plan)
-        blocked.simulation.execute(blocked.plan)
-        assert diary.hits == blocked.diary.hits
-
-    def test_a_block_that_was_displaced_is_hit_by_the_fingers(self, bench: Bench) -> None:
         bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
         outcome = bench.simulation.execute(bench.plan)
         (hit,) = bench.diary.hits
         assert (hit.other, hit.is_held, hit.stops) == ("red", False, False)
         assert "missed" in str(outcome.failure)
-
-    def test_a_contact_that_lasts_is_reported_once(self, bench: Bench) -> None:
-        bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
-        bench.simulation.execute(bench.plan)
-        assert len(bench.diary.hits) == 1
         assert bench.line(0.70, 0.15, -0.129 + 0.02).is_success
         assert len(bench.diary.hits) == 1
 
@@ -278,21 +266,11 @@ class TestProofs:
         monkeypatch.setattr(ContactWatch, "along", noted)
         return found
 
-    @pytest.fixture
-    def certificate(self, bench: Bench) -> Certificate:
-        found = verify(bench.plan)
-        assert found.is_valid, found.verdict
-        return found
-
     def test_none_of_them_is(
         self, bench: Bench, looks: list[Any], certificate: Certificate
     ) -> None:
         assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
         assert looks == []
-
-    def test_a_plans_own_proofs_are_not_believed(self, bench: Bench, looks: list[Any]) -> None:
-        assert bench.simulation.execute(bench.plan).is_success
-        assert looks == [move.trajectory for move in bench.plan.moves]
 
     def test_a_certificate_of_another_plan_is_not_one_of_this(
         self, bench: Bench, looks: list[Any], certificate: Certificate
@@ -339,33 +317,20 @@ class TestProofs:
         self,
         bench: Bench,
         looks: list[Any],
-        certificate: Certificate,
         change: Callable[[World], None],
     ) -> None:
         change(bench.world)
-        bench.simulation.execute(bench.plan, certificate=certificate)
-        assert looks == [move.trajectory for move in bench.plan.moves]
-
-    def test_a_plan_without_proofs_is(self, bench: Bench, looks: list[Any]) -> None:
-        steps = [evolve(s, proof=None) if isinstance(s, Move) else s for s in bench.plan.steps]
-        bench.simulation.execute(evolve(bench.plan, steps=tuple(steps)))
-        assert len(looks) == len(bench.plan.moves)
+        plan = evolve(bench.plan, steps=bench.plan.steps[:3])
+        bench.simulation.execute(plan, certificate=verify(plan))
+        assert looks == [move.trajectory for move in plan.moves]
 
     def test_a_world_is_as_a_step_states_it(self, bench: Bench) -> None:
         step = bench.plan.steps[0]
         assert is_as_stated(bench.world, step)
         assert not is_as_stated(bench.world, evolve(step, state=None))
         assert not is_as_stated(bench.world, evolve(step, state=state_at(bench.plan.q_start)))
-
-    def test_a_full_hand_is_not_as_stated(self, bench: Bench) -> None:
         bench.world.attach("left", "red", pin.SE3.Identity())
-        assert not is_as_stated(bench.world, bench.plan.steps[0])
-
-    def test_checks_can_be_switched_off(self, bench: Bench) -> None:
-        bench.grasp()
-        simulation = Simulation(bench.world, check_contacts=False)
-        bench.simulation = simulation
-        assert bench.line(0.70, 0.15, -0.2).is_success
+        assert not is_as_stated(bench.world, step)
 
 
 def test_a_contact_is_as_deep_as_the_planner_measures(bench: Bench) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import Body, Cylinder, Part, Sphere, make_block
@@ -28,6 +28,7 @@ def cube(x: float, y: float = 0.0, z: float = 0.1, edge: float = 0.05) -> Body:
     return make_block("b", at(x, y, z), edge_m=edge)
 
 
+@settings(max_examples=25)
 @given(st.floats(-0.024, 0.024), st.floats(-3.0, 3.0))
 def test_a_body_stays_on_an_edge_exactly_while_its_centre_is_above_it(
     table: Body, beyond: float, yaw: float
@@ -103,15 +104,11 @@ def test_a_falling_body_is_never_inside_what_it_falls_off(table: Body) -> None:
         beside = fallen.extent_m((1, 0, 0))[1] < EDGE_X_M
         above = fallen.extent_m((0, 0, 1))[0] > TABLE_Z_M - REST_M
         assert beside or above
-
-
-def test_a_fall_begins_where_the_body_is_and_ends_at_rest(table: Body) -> None:
-    body = cube(0.8)
-    rest = come_to_rest(body, [table])
-    assert rest.pose(0.0) == body.T_base_body
+    assert rest.pose(0.0) == cube(EDGE_X_M - 0.01).T_base_body
     assert rest.pose(rest.duration_s) == rest.T_base_body
 
 
+@settings(max_examples=25)
 @given(st.floats(0.45, 0.65), st.floats(-0.5, 0.5), st.floats(-3.0, 3.0))
 def test_a_body_at_rest_stays_where_it_is(table: Body, x: float, y: float, yaw: float) -> None:
     T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.1]))

@@ -73,13 +73,6 @@ def test_a_push_needs_a_position_and_an_axis() -> None:
         Push("b", "left", "left finger", 0.02, 0.01, np.zeros(2), T_BEGIN)
 
 
-def test_fingers_that_meet_nothing_close_fully(world: World) -> None:
-    squeeze, met = squeezed(world)
-    assert met == set()
-    assert squeeze.finger_m == 0.0
-    assert squeeze.pushes == ()
-
-
 def test_a_body_in_the_middle_is_held_without_a_push(world: World) -> None:
     put(world, "b", 0.0)
     squeeze, met = squeezed(world)
@@ -113,14 +106,6 @@ def test_a_body_pushes_the_next_one(world: World) -> None:
     assert pushes["near"].begin_m - pushes["far"].begin_m == pytest.approx(0.002, abs=CONTACT_M)
 
 
-def test_what_does_not_give_way_stops_the_finger_that_meets_it(world: World) -> None:
-    put(world, "post", 0.013, 0.002, movable=False)
-    squeeze, met = squeezed(world)
-    assert met == {"left finger", "post"}
-    assert squeeze.finger_m == pytest.approx(0.014 - CLOSED_GAP_M / 2, abs=CONTACT_M)
-    assert squeeze.pushes == ()
-
-
 def test_what_stands_on_a_pushed_body_rides_along(world: World) -> None:
     put(world, "b", 0.004)
     top = Part(Box((0.01, 0.01, 0.01)), at(0.0, 0.0, 0.0))
@@ -130,13 +115,6 @@ def test_what_stands_on_a_pushed_body_rides_along(world: World) -> None:
     assert (pushes["rider"].is_riding, pushes["b"].is_riding) == (True, False)
     assert pushes["rider"].by == "b"
     assert pushes["rider"].distance_m == pushes["b"].distance_m
-
-
-def test_predicting_moves_nothing(world: World) -> None:
-    put(world, "b", 0.004)
-    before = world.q.tolist(), world.body("b").T_base_body
-    squeezed(world)
-    assert (world.q.tolist(), world.body("b").T_base_body) == before
 
 
 @given(st.floats(0.0, 0.02))

@@ -34,21 +34,18 @@ class TestRobot:
             assert shared.arm_q(side).tolist() == q.tolist()
             assert shared.T_base_tip(side) == arm.T_base_tip(q)
 
-    def test_the_head_turns_alone_to_a_finite_angle(self, robot: Baxter) -> None:
+    def test_the_head_and_an_arm_move_alone(self, robot: Baxter) -> None:
         world = World(robot)
         before = world.q
         world.turn_head(-0.7)
         (turned,) = np.flatnonzero(world.q != before)
         assert (robot.joint_names[turned], world.q[turned]) == ("head_pan", -0.7)
-        with pytest.raises(SimulationError, match="pan_rad"):
-            world.turn_head(float("nan"))
-
-    def test_moving_one_arm_moves_nothing_else(self, robot: Baxter) -> None:
-        world = World(robot)
         before = world.q
         world.move_arm("left", robot.arm("left").start)
         moved = np.flatnonzero(world.q != before)
         assert {robot.joint_names[i] for i in moved} == set(robot.arm("left").joint_names)
+        with pytest.raises(SimulationError, match="pan_rad"):
+            world.turn_head(float("nan"))
 
     @pytest.mark.parametrize("side", ["left", "right"])
     def test_the_fingers_of_a_hand_move_in_mirror_image(self, robot: Baxter, side: str) -> None:
@@ -59,40 +56,32 @@ class TestRobot:
         assert joints[f"{side[0]}_gripper_r_finger_joint"] == -0.01
         assert world.finger_m(side) == 0.01
 
-    @pytest.mark.parametrize("finger_m", [-1e-6, 0.0209, np.nan, np.inf, None, "open", True, [0.0]])
-    def test_a_finger_position_outside_its_range_is_refused(
-        self, world: World, finger_m: Any
-    ) -> None:
-        with pytest.raises(SimulationError, match="finger position"):
-            world.set_fingers("left", finger_m)
-
-    @pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
-    def test_a_configuration_that_is_invalid_is_refused_and_nothing_moves(
-        self, world: World, q: Any
-    ) -> None:
+    def test_invalid_positions_are_refused_and_nothing_moves(self, world: World) -> None:
         before = world.q.tolist()
-        with pytest.raises(ConfigurationError, match="q"):
-            world.move_arm("left", q)
+        wrong: Any
+        for wrong in (-1e-6, 0.0209, np.nan, np.inf, None, "open", True, [0.0]):
+            with pytest.raises(SimulationError, match="finger position"):
+                world.set_fingers("left", wrong)
+        for wrong in (None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7):
+            with pytest.raises(ConfigurationError, match="q"):
+                world.move_arm("left", wrong)
         assert world.q.tolist() == before
 
-    @pytest.mark.parametrize("side", ["middle", "", None, 5, ["left"], np.zeros(2)])
-    def test_an_unknown_side_is_refused(self, world: World, side: Any) -> None:
-        for use in (
-            world.arm_q,
-            world.T_base_tip,
-            world.finger_m,
-            world.holding,
-            world.detach,
-            lambda side: world.move_arm(side, np.zeros(7)),
-            lambda side: world.set_fingers(side, 0.0),
-        ):
-            with pytest.raises(UnknownNameError, match="use one of: left, right"):
-                use(side)
-
-    @pytest.mark.parametrize("robot", [None, "baxter", 5])
-    def test_a_world_without_robot_is_refused(self, robot: Any) -> None:
-        with pytest.raises(SimulationError, match="robot"):
-            World(robot)
-
-    def test_simulation_errors_are_baxter_errors(self) -> None:
+    def test_an_unknown_side_or_no_robot_is_refused(self, world: World) -> None:
+        wrong: Any
+        for wrong in ("middle", "", None, 5, ["left"], np.zeros(2)):
+            for use in (
+                world.arm_q,
+                world.T_base_tip,
+                world.finger_m,
+                world.holding,
+                world.detach,
+                lambda side: world.move_arm(side, np.zeros(7)),
+                lambda side: world.set_fingers(side, 0.0),
+            ):
+                with pytest.raises(UnknownNameError, match="left, right"):
+                    use(wrong)
+        for wrong in (None, "baxter", 5):
+            with pytest.raises(SimulationError, match="robot"):
+                World(wrong)
         assert issubclass(SimulationError, BaxterError)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -56,7 +55,7 @@ def test_it_bounds_the_distance_to_sampled_elbows_from_below_and_not_by_much(
     left_linkage: Linkage, sweep: PositionSweep
 ) -> None:
     grid_m, cap_m = 0.03, 0.07  # between neighbours; across the arc, where e0 does not lead
-    for point in np.random.default_rng(1).uniform(-2.0, 2.0, (25, 3)):
+    for point in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 3)):
         sampled = elbow_distance_m(left_linkage, point) - sweep.tip_reach_m
         assert sampled - cap_m - grid_m <= sweep.excess_m(point) <= sampled
 
@@ -65,7 +64,7 @@ def test_no_tip_of_the_arm_has_an_excess(
     left: Arm, left_linkage: Linkage, sweep: PositionSweep
 ) -> None:
     rng, rounding = np.random.default_rng(2), 1e-9
-    for _ in range(300):
+    for _ in range(100):
         tip = left.T_base_tip(left.random_configuration(rng)).translation
         assert sweep.excess_m(left_linkage.T_base_first.actInv(tip)) <= rounding
 
@@ -76,14 +75,6 @@ def test_bound_changes_by_at_most_the_motion_of_the_point(
 ) -> None:
     change = abs(sweep.excess_m(one) - sweep.excess_m(other))
     assert change <= np.linalg.norm(one - other) + RESOLUTION_M
-
-
-@given(points)
-def test_mirrored_points_of_both_arms_have_the_same(robot: Baxter, point: FloatArray) -> None:
-    one, other = (PositionSweep(Linkage.of(robot.arm(side))) for side in ("left", "right"))
-    mirrored = point * np.array([1.0, -1.0, 1.0])
-    urdf_digits = 1e-5
-    assert one.excess_m(point) == pytest.approx(other.excess_m(mirrored), abs=urdf_digits)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +98,7 @@ def distances(linkage: Linkage, point: FloatArray) -> FloatArray:
 def test_excesses_agree_with_dense_sampling_of_the_first_joint(
     linkage: Linkage, shells: Shells
 ) -> None:
-    points = np.random.default_rng(1).uniform(-1.2, 1.2, (100, 3))
+    points = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
     beyond_m, inside_m = shells.wrist_excess_m(points)
     sampling = 1e-8  # an arc of 0.069 m in steps of 0.2 mrad, at an extreme
     for point, beyond, inside in zip(points, beyond_m, inside_m, strict=True):
@@ -139,44 +130,12 @@ def test_the_elbow_excludes_more_than_the_straight_arm(shells: Shells) -> None:
     assert shells.tip_excess_m(point) <= 0.0 < shells.elbow_excess_m(point)
 
 
-def test_infinitely_far_points_have_a_finite_excess(shells: Shells) -> None:
-    far = np.array([1e308, -1e308, 1e308])
-    assert 1e149 < shells.tip_excess_m(far) < np.inf
-
-
 NAMES = {joint: f"left_{joint}" for joint in JOINTS}
 WRIST = np.array([1.0204, -0.0001, 0.25])
 
 
 def proof_of(excess_m: float) -> ReachProof:
     return ReachProof.of("span", excess_m, WRIST, NAMES, 0.745)
-
-
-@pytest.mark.parametrize(
-    ("bound", "joints"),
-    [
-        ("span", ["s1"]),
-        ("fold", ["s1", "e1"]),
-        ("shoulder", ["s0", "s1", "e1"]),
-        ("wrist", ["w1", "s0", "s1", "e1"]),
-        ("limits", []),
-    ],
-)
-def test_a_proof_of_each_bound_names_its_joints_and_the_wrist(
-    bound: str, joints: list[str]
-) -> None:
-    proof = ReachProof.of(bound, 0.0123, WRIST, NAMES, 0.745)
-    assert proof.bound == bound
-    assert re.findall(r"left_(\w\d)", str(proof)) == joints
-    assert "12 mm" in str(proof)
-    assert str(proof).endswith(", with the wrist at (1.02, 0, 0.25) m")
-
-
-@pytest.mark.parametrize("bound", ["span", "shoulder"])
-def test_a_proof_of_a_position_names_the_tip(bound: str) -> None:
-    proof = ReachProof.of_position(bound, 0.5, WRIST, NAMES, 1.1334)
-    assert str(proof).startswith("500 mm beyond the 1.133 m that ")
-    assert str(proof).endswith(", with the tip at (1.02, 0, 0.25) m")
 
 
 @given(st.floats(1e-6, 1e4))
@@ -232,41 +191,29 @@ def bound(arm: Arm, bounds: dict[str, ReachBound]) -> ReachBound:
     return bounds[arm.side]
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-6])
 def test_no_reachable_pose_is_proved_out_of_reach(
-    arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
+    arm: Arm, bound: ReachBound, bound_of_axis: ReachBound, off: float
 ) -> None:
+    """Nor one that misses a reachable one by no more than a solution may."""
     rng = np.random.default_rng(6)
-    for i in range(1000):
-        q = arm.random_configuration(rng)
-        assert (bound_of_axis if i % SPARING else bound).proof(arm.T_base_tip(q)) is None, q
-
-
-def test_no_pose_on_limits_or_singularities_is_proved_out_of_reach(
-    arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
-) -> None:
-    for i, q in enumerate(_extreme_configurations(arm, 1000)):
-        assert (bound_of_axis if i % SPARING else bound).proof(arm.T_base_tip(q)) is None, q
-
-
-def test_no_pose_within_the_solution_tolerance_is_proved_out_of_reach(
-    arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
-) -> None:
-    rng = np.random.default_rng(7)
-    for i, q in enumerate(_extreme_configurations(arm, 300)):
+    uniform = [arm.random_configuration(rng) for _ in range(100)]
+    for i, q in enumerate([*uniform, *_extreme_configurations(arm, 250)]):
         T = arm.T_base_tip(q)
-        R = pin.exp3(1e-6 * _direction(rng)) @ T.rotation
-        near = pin.SE3(R, T.translation + 1e-6 * _direction(rng))
+        R = pin.exp3(off * _direction(rng)) @ T.rotation
+        near = pin.SE3(R, T.translation + off * _direction(rng))
         assert (bound_of_axis if i % SPARING else bound).proof(near) is None, q
+        assert off or bound.proof_of_position(T.translation) is None, q
 
 
 def test_no_pose_that_a_calibrated_arm_reaches_has_a_proof(any_arm: Arm) -> None:
     bound = ReachBound(any_arm)
-    qs = _extreme_configurations(any_arm, 1_000)
+    qs = _extreme_configurations(any_arm, 400)
     Ts = np.array([any_arm.T_base_tip(q).homogeneous for q in qs])
     assert not bound.are_outside_shells(Ts).any()
     assert not bound.are_proven(Ts).any()
-    assert not bound.are_beyond_limits(Ts[:30]).any()
-    for T in map(pin.SE3, Ts[:30]):
+    assert not bound.are_beyond_limits(Ts[:15]).any()
+    for T in map(pin.SE3, Ts[:15]):
         assert bound.proof(T) is bound.proof_of_wrist(T) is None
         assert bound.proof_of_position(T.translation) is None
 
@@ -276,10 +223,10 @@ def test_proofs_of_many_agree_with_single_ones(any_arm: Arm) -> None:
     poses = [
         any_arm.T_base_tip(any_arm.random_configuration(rng))
         * pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
-        for _ in range(300)
+        for _ in range(150)
     ]
     proven = bound.are_proven(np.array([T.homogeneous for T in poses]))
-    assert 30 < proven.sum() < 270
+    assert 15 < proven.sum() < 135
     T_tip_wrist = bound.T_last_tip.inverse()  # a calibrated arm's hand is not on its last axis
     of_axis = ReachBound(any_arm.with_tip(T_tip_wrist, "wrist"), Tolerance.about("z"))
     assert proven.tolist() == [of_axis.proof(T * T_tip_wrist) is not None for T in poses]
@@ -299,7 +246,7 @@ def test_limits_of_all_joints_prove_more_than_other_bounds(
     """Some poses next to these, displaced in all directions, have only that proof."""
     bound, T, rng = ReachBound(left), left.T_base_tip(q), np.random.default_rng(9)
     found = 0
-    for _ in range(20):
+    for _ in range(12):
         pushed = pin.SE3(T.rotation, T.translation + away * _direction(rng))
         proof = bound.proof(pushed)
         if proof is not None and proof.bound == "limits":
@@ -329,7 +276,7 @@ def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
     arm: Arm, bound: ReachBound
 ) -> None:
     rng, proved = np.random.default_rng(15), 0
-    for q in _extreme_configurations(arm, 200):
+    for q in _extreme_configurations(arm, 70):
         T = arm.T_base_tip(q)
         pushed = pin.SE3(T.rotation, T.translation + 0.3 * _direction(rng))
         proof, about_wrist = bound.proof_of_wrist(pushed), bound.T_last_tip.inverse()
@@ -345,20 +292,15 @@ def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
     assert proved > 0
 
 
-def test_no_reachable_position_is_proved_out_of_reach(arm: Arm, bound: ReachBound) -> None:
-    for q in _extreme_configurations(arm, 500):
-        assert bound.proof_of_position(arm.T_base_tip(q).translation) is None, q
-
-
 def test_excess_never_exceeds_the_distance_to_a_reachable_pose(
     arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
 ) -> None:
     rng = np.random.default_rng(8)
     found = set()
-    for i, q in enumerate(_extreme_configurations(arm, 800)):
+    for i, q in enumerate(_extreme_configurations(arm, 300)):
         T, distance_m = arm.T_base_tip(q), 10.0 ** rng.uniform(-3.0, -0.3)
         pushed = T.translation + distance_m * _direction(rng)
-        proof = (bound_of_axis if i % 4 else bound).proof(pin.SE3(T.rotation, pushed))
+        proof = (bound_of_axis if i % 8 else bound).proof(pin.SE3(T.rotation, pushed))
         if proof is not None:
             found.add(proof.bound)
             assert 0.0 < proof.excess_m <= distance_m, (q, pushed)
@@ -368,9 +310,9 @@ def test_excess_never_exceeds_the_distance_to_a_reachable_pose(
 def test_excess_of_a_position_never_exceeds_the_distance_to_sampled_tips(
     left: Arm, bounds: dict[str, ReachBound]
 ) -> None:
-    tips = np.array([left.T_base_tip(q).translation for q in _extreme_configurations(left, 5000)])
+    tips = np.array([left.T_base_tip(q).translation for q in _extreme_configurations(left, 3000)])
     rng, proved = np.random.default_rng(9), set()
-    for p in rng.uniform([-1.5, -1.3, -1.2], [1.5, 1.7, 1.7], (200, 3)):
+    for p in rng.uniform([-1.5, -1.3, -1.2], [1.5, 1.7, 1.7], (100, 3)):
         proof = bounds["left"].proof_of_position(p)
         if proof is not None:
             proved.add(proof.bound)
@@ -382,7 +324,7 @@ def test_a_position_out_of_reach_is_out_of_reach_in_every_orientation(
     arm: Arm, bound: ReachBound
 ) -> None:
     rng = np.random.default_rng(10)
-    for p in rng.uniform(-1.5, 1.5, (200, 3)):
+    for p in rng.uniform(-1.5, 1.5, (60, 3)):
         proof = bound.proof_of_position(p)
         if proof is not None:
             T = pin.SE3(pin.exp3(np.pi * _direction(rng)), p)
@@ -393,7 +335,7 @@ def test_pushing_farther_out_keeps_the_proof_and_grows_the_excess(
     arm: Arm, bound: ReachBound
 ) -> None:
     rng, shoulder = np.random.default_rng(11), Linkage.of(arm).T_base_first.translation
-    for _ in range(50):
+    for _ in range(15):
         R, outward = pin.exp3(np.pi * _direction(rng)), _direction(rng)
         wrists = [shoulder + length * outward for length in (0.85, 0.86, 0.9, 1.0, 2.0)]
         excesses = [_excess_m(bound, _with_wrist(arm, wrist, R)) for wrist in wrists]
@@ -403,7 +345,7 @@ def test_pushing_farther_out_keeps_the_proof_and_grows_the_excess(
 
 def test_mirrored_arms_agree(robot: Baxter, bounds: dict[str, ReachBound]) -> None:
     rng = np.random.default_rng(12)
-    for q in _extreme_configurations(robot.arm("left"), 200):
+    for q in _extreme_configurations(robot.arm("left"), 30):
         T = robot.arm("left").T_base_tip(q)
         p, R = T.translation + 0.1 * _direction(rng), T.rotation
         left = bounds["left"].proof(pin.SE3(R, p))
@@ -416,7 +358,7 @@ def test_mirrored_arms_agree(robot: Baxter, bounds: dict[str, ReachBound]) -> No
 
 def test_a_rotation_about_the_tool_axis_changes_nothing(arm: Arm, bound: ReachBound) -> None:
     rng = np.random.default_rng(13)
-    for q in _extreme_configurations(arm, 50):
+    for q in _extreme_configurations(arm, 20):
         T = arm.T_base_tip(q)
         far = pin.SE3(T.rotation, T.translation + 0.2 * _direction(rng))
         rolled = far * pin.SE3(pin.exp3(np.array([0.0, 0.0, 2.0])), np.zeros(3))
@@ -428,7 +370,7 @@ def test_quick_test_agrees_with_the_proofs_by_shells(
 ) -> None:
     rng = np.random.default_rng(14)
     poses = []
-    for q in _extreme_configurations(arm, 300):
+    for q in _extreme_configurations(arm, 150):
         T = arm.T_base_tip(q)
         poses.append(pin.SE3(T.rotation, T.translation + rng.uniform(0.0, 0.4) * _direction(rng)))
     outside = bound.are_outside_shells(np.array([T.homogeneous for T in poses]))

@@ -17,7 +17,7 @@ def test_wrist_and_last_axis_are_where_pinocchio_has_them_but_for_the_deviation(
 ) -> None:
     linkage, rng = Linkage.of(any_arm), np.random.default_rng(15)
     slack, worst = linkage.deviation, np.zeros(2)
-    for _ in range(500):
+    for _ in range(150):
         q = rng.uniform(-np.pi, np.pi, 7)  # even beyond the joint limits
         wrist, axis = linkage.wrist_and_axis(q)
         seen = linkage.targets(any_arm.T_base_tip(q).homogeneous[None])[0]
@@ -47,11 +47,11 @@ def test_wrist_distances_span_what_elbow_and_first_wrist_joint_allow(arm: Arm) -
     shoulder = np.array([linkage.shoulder_offset_m, 0.0, 0.0])
     q = np.zeros(7)
     distances = []
-    for q[3] in np.linspace(arm.limits.q_min[3], arm.limits.q_max[3], 200):
-        for q[4] in np.linspace(arm.limits.q_min[4], arm.limits.q_max[4], 50):
+    for q[3] in np.linspace(arm.limits.q_min[3], arm.limits.q_max[3], 100):
+        for q[4] in np.linspace(arm.limits.q_min[4], arm.limits.q_max[4], 30):
             distances.append(np.linalg.norm(linkage.wrist_and_axis(q)[0] - shoulder))
     span_m, fold_m = linkage.wrist_distance_m(0.0), linkage.wrist_distance_m(linkage.max_bend)
-    assert fold_m <= min(distances) <= fold_m + 1e-4  # the grid's coarseness
+    assert fold_m <= min(distances) <= fold_m + 2e-4  # the grid's coarseness
     assert span_m - 1e-4 <= max(distances) <= span_m + 1e-12  # the same, and rounding
 
 

@@ -24,16 +24,16 @@ def sweep(left: Arm) -> PoseSweep:
 @pytest.fixture(scope="module")
 def away(left: Arm) -> FloatArray:
     """Targets next to reachable ones with joints at limits; some are out of reach."""
-    return pushed(reached(left, 160, 1)[::2], 0.02, 2)
+    return pushed(reached(left, 120, 1)[::2], 0.02, 2)
 
 
 def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
     sweep = PoseSweep(Linkage.of(any_arm))
-    assert not any(sweep.excludes(T, 0.0) for T in reached(any_arm, 40, 3))
+    assert not any(sweep.excludes(T, 0.0) for T in reached(any_arm, 20, 3))
 
 
 def test_targets_near_reachable_ones_are_not_excluded(left: Arm, sweep: PoseSweep) -> None:
-    assert not any(sweep.excludes(T, 0.02) for T in pushed(reached(left, 40, 4), 0.02, 5))
+    assert not any(sweep.excludes(T, 0.02) for T in pushed(reached(left, 20, 4), 0.02, 5))
 
 
 def test_a_proof_holds_for_every_smaller_radius_and_with_more_cells(
@@ -86,7 +86,7 @@ def test_the_cell_of_a_configuration_survives_however_small(
         )
         linkage, low, high = Linkage.of(arm), arm.limits.q_min, arm.limits.q_max
         sweep = PoseSweep(linkage)
-        for _ in range(30):
+        for _ in range(8):
             ends = np.where(rng.random(7) < 0.5, low, high)
             q = np.where(rng.random(7) < 0.3, ends, arm.random_configuration(rng))
             target = linkage.targets(arm.T_base_tip(q).homogeneous[None])[0]
@@ -106,7 +106,7 @@ def test_of_a_calibrated_arm_more_is_proven_than_with_the_whole_deviation(
     robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm = calibrated_arm(robot, "left", np.random.default_rng(100), 0.1)
-    targets = pushed(reached(arm, 160, 7)[::2], 0.01, 8)
+    targets = pushed(reached(arm, 80, 7)[::2], 0.01, 8)
     ours = np.array([PoseSweep(Linkage.of(arm)).excludes(T, RADIUS_M) for T in targets])
     monkeypatch.setattr(pose_sweep, "PASSES", 0)
     before = np.array([PoseSweep(Linkage.of(arm)).excludes(T, RADIUS_M) for T in targets])

@@ -104,18 +104,9 @@ def test_the_slack_of_an_angle_is_that_of_the_tangent_to_where_the_end_may_be() 
     assert UncertainVector(*one(0.0, 2.0, 1.0)).angle.slack[0] == math.asin(0.5)
 
 
-def test_a_vector_that_may_be_zero_may_have_any_angle() -> None:
-    assert UncertainVector(*one(0.1, 0.0, 0.1)).angle.slack[0] == math.pi
-
-
-def test_a_part_has_what_was_chosen() -> None:
-    both = UncertainAngle(np.array([1.0, 2.0]), np.array([0.1, 0.2])).part(np.array([False, True]))
-    assert (both.middle.tolist(), both.slack.tolist()) == ([2.0], [0.2])
-
-
-def test_a_vector_known_to_be_zero_may_have_any_angle_too() -> None:
-    zero = np.zeros(1)
-    assert UncertainVector(zero, zero, zero).angle.slack[0] == math.pi
+@pytest.mark.parametrize("vector", [(0.1, 0.0, 0.1), (0.0, 0.0, 0.0)])
+def test_a_vector_that_may_be_zero_may_have_any_angle(vector: tuple[float, ...]) -> None:
+    assert UncertainVector(*one(*vector)).angle.slack[0] == math.pi
 
 
 LEVELS = 5
@@ -140,7 +131,7 @@ def pushed(targets: FloatArray, away_m: float, seed: int) -> FloatArray:
 
 
 def test_nothing_that_the_arm_reaches_is_excluded(any_arm: Arm) -> None:
-    targets = reached(any_arm, 400, 1)
+    targets = reached(any_arm, 150, 1)
     sweep = ShoulderSweep(Linkage.of(any_arm))
     assert not sweep.exclusions(targets, np.zeros(len(targets)), LEVELS).is_proven.any()
 

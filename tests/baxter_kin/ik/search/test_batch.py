@@ -96,10 +96,10 @@ def test_failures_do_not_depend_on_the_batch(left: Arm, ik: IKService) -> None:
     rng = np.random.default_rng(33)
     Ts = [
         left.T_base_tip(left.random_configuration(rng)) * pin.SE3(np.eye(3), rng.normal(size=3))
-        for _ in range(60)
+        for _ in range(30)
     ]
     together = ik.solve_batch(Ts)
-    assert sum(not result.is_valid for result in together) > 10
+    assert sum(not result.is_valid for result in together) > 5
     for T, result in zip(Ts, together, strict=True):
         alone = ik.solve(T)
         assert alone.failure == result.failure
@@ -140,13 +140,13 @@ def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None
 def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> None:
     """For poses that the setpoints do not solve, in whichever round that start is."""
     solver, rng = Solver(left, Backend.AUTO), np.random.default_rng(34)
-    qs = np.array([left.random_configuration(rng) for _ in range(15_000)])
+    qs = np.array([left.random_configuration(rng) for _ in range(8_000)])
     qs = np.where(rng.random(qs.shape) < 0.3, left.limits.q_max, qs)  # few starts lead there
     Ts = left.T_base_tips(qs)
     Ts = Ts[~are_close(solver.search.search_from_map(Ts))]
     batch = Batch(Ts, {}, SeedMode.NS_MAP)
     batch.solve(solver)
-    computed = solver.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))
+    computed = solver.starts.coarse(Ts, sum(COARSE_ROUNDS))
     later = 0
     for T, q_starts, result in zip(Ts, computed, batch.results(solver), strict=True):
         found = solver.search.search(q_starts, np.repeat(T[None], len(q_starts), axis=0))
@@ -154,7 +154,7 @@ def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> 
         if found.is_valid[first]:
             np.testing.assert_array_equal(result.q, found.q[first])
             later += first > 1
-    assert later > 3
+    assert later > 1
 
 
 def are_close(found: Found) -> NDArray[np.bool_]:

@@ -127,12 +127,16 @@ def test_constraints_are_zero_at_the_pose_and_as_wide_as_allowed(
             assert (excess.max() <= 2 * INSET) == inside
 
 
-@pytest.mark.parametrize("arm", [None, "left"])
-def test_program_of_another_class_than_arm_is_refused(arm: Any) -> None:
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"arm": None},
+        {"tolerance": 0.1},
+        {"is_nearest": 1},
+        {"tolerance": Tolerance.about("z"), "is_nearest": True},
+    ],
+    ids=str,
+)
+def test_invalid_programs_are_refused(left: Arm, changes: dict[str, Any]) -> None:
     with pytest.raises(RequestError):
-        Program.of(arm)
-
-
-def test_the_nearest_position_takes_no_tolerance(left: Arm) -> None:
-    with pytest.raises(RequestError):
-        Program.of(left, Tolerance.about("z"), is_nearest=True)
+        Program.of(**({"arm": left} | changes))

@@ -7,8 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter
-from baxter_kin.errors import DescriptionError
+from baxter_kin import Arm
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.search.map_search import search_functions
 from baxter_kin.ik.search.search_function import (
@@ -63,7 +62,7 @@ def test_solution_reaches_the_pose_by_pinocchio(search: ca.Function, any_arm: Ar
     rng, limits = np.random.default_rng(1), any_arm.limits
     middle = 0.5 * (limits.q_min + limits.q_max)
     solved = 0
-    for _ in range(300):
+    for _ in range(100):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng))
         q, report = run_from(search, any_arm, middle, T.homogeneous)
         if report[0] == 1.0:
@@ -72,7 +71,7 @@ def test_solution_reaches_the_pose_by_pinocchio(search: ca.Function, any_arm: Ar
             assert angle_between(reached.rotation, T.rotation) < CONVERGED + URDF_ROUNDING
             assert not any_arm.limits.violations(q)
             solved += 1
-    assert solved > 200
+    assert solved > 70
 
 
 def test_errors_are_those_of_the_last_iterate(search: ca.Function, any_arm: Arm) -> None:
@@ -200,7 +199,7 @@ def pairs(arm: Arm, count: int) -> list[tuple[pin.SE3, pin.SE3]]:
 def test_coordinates_are_displacement_and_rotation_vector(
     left: Arm, coordinates: ca.Function
 ) -> None:
-    for target, reached in pairs(left, 500):
+    for target, reached in pairs(left, 150):
         D = target.actInv(reached)
         x = np.array(coordinates(target.homogeneous, reached.translation, reached.rotation, 0))
         expected = np.concatenate([D.translation, pin.log3(D.rotation)])
@@ -209,7 +208,7 @@ def test_coordinates_are_displacement_and_rotation_vector(
 
 def test_with_the_roll_free_the_rotation_is_the_tilt(left: Arm, coordinates: ca.Function) -> None:
     tolerance = Tolerance.about("z")
-    for target, reached in pairs(left, 500):
+    for target, reached in pairs(left, 150):
         x = np.array(coordinates(target.homogeneous, reached.translation, reached.rotation, 1))
         _, tilt = tolerance.excess(target, reached)
         assert np.linalg.norm(x[3:]) == pytest.approx(tilt, abs=AGREEMENT)
@@ -221,7 +220,7 @@ def test_a_task_as_good_as_exact_is_the_exact_search(any_arm: Arm) -> None:
     numbers = ArmNumbers.of(any_arm)
     search, rng, solved = search_functions(numbers.shape)[0], np.random.default_rng(2), 0
     nearly = Tolerance((1e-15,) * 3)
-    for _ in range(60):
+    for _ in range(40):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng))
         both = [
             [
@@ -237,7 +236,7 @@ def test_a_task_as_good_as_exact_is_the_exact_search(any_arm: Arm) -> None:
                 report[2] == pytest.approx(angle, abs=1e-10) or angle > np.pi / 2
             )
         solved += int(both[0][1][0] == both[1][1][0] == 1.0)
-    assert solved > 30
+    assert solved > 20
 
 
 def test_an_exact_search_is_that_of_the_tool_as_well(any_arm: Arm) -> None:
@@ -249,13 +248,13 @@ def test_an_exact_search_is_that_of_the_tool_as_well(any_arm: Arm) -> None:
         np.random.default_rng(3),
         0,
     )
-    for _ in range(60):
+    for _ in range(40):
         T = tool.T_base_tip(tool.random_configuration(rng))
         q, report = run_from(search, tool, tool.neutral, T.homogeneous)
         if report[0] == 1.0:
             assert max(EXACT.excess(T, tool.T_base_tip(q))) <= CONVERGED + 1e-9
             solved += 1
-    assert solved > 30
+    assert solved > 20
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.3])
@@ -271,19 +270,6 @@ def test_the_error_of_the_search_is_the_excess_over_the_cone(any_arm: Arm, tilt_
         assert np.array(report).ravel()[1:3] == pytest.approx(expected, abs=3 * INSET)
 
 
-def test_invalid_input_is_reported(any_arm: Arm) -> None:
-    numbers, T = ArmNumbers.of(any_arm), np.diag([1.0, 1.0, -1.0, 1.0])
-    task = task_of(any_arm, Tolerance.about("z"))
-    _, report = search_functions(numbers.shape)[0](any_arm.neutral, T, task, numbers.within())
-    assert np.array(report).ravel()[[0, 4]].tolist() == [0.0, 0.0]
-
-
-def test_bounds_are_the_joint_limits(any_arm: Arm) -> None:
-    low, high = np.split(ArmNumbers.of(any_arm).bounds, 2)
-    np.testing.assert_array_equal(low, any_arm.limits.q_min)
-    np.testing.assert_array_equal(high, any_arm.limits.q_max)
-
-
 def test_frames_lead_from_base_and_from_the_tip(any_arm: Arm) -> None:
     dh, task = DHParameters.of(any_arm), task_of(any_arm)
     frames = ArmNumbers.of(any_arm).frame, task[:12], task[12:24]
@@ -293,24 +279,9 @@ def test_frames_lead_from_base_and_from_the_tip(any_arm: Arm) -> None:
         np.testing.assert_array_equal(numbers[9:], T.translation)
 
 
-def test_an_arm_as_drawn_leaves_fewer_dimensions_open_than_a_calibrated_one(any_arm: Arm) -> None:
-    numbers = ArmNumbers.of(any_arm)
-    is_drawn = numbers.shape is not Shape.GENERAL
-    assert numbers.dimensions.shape == (len(numbers.shape.free),)
-    assert (len(numbers.shape.free) < len(Shape.GENERAL.free)) == is_drawn
-
-
 def test_bounds_replace_the_joint_limits(left: Arm) -> None:
     numbers, unlimited = ArmNumbers.of(left), np.repeat([-np.pi, np.pi], 7)
     usual, other = numbers.within(), numbers.within(unlimited)
-    np.testing.assert_array_equal(usual[:14], numbers.bounds)
+    np.testing.assert_array_equal(usual[:14], [*left.limits.q_min, *left.limits.q_max])
     np.testing.assert_array_equal(other[:14], unlimited)
     np.testing.assert_array_equal(usual[14:], other[14:])
-
-
-def test_an_arm_with_parallel_axes_is_refused(robot: Baxter) -> None:
-    arm = Arm("left", robot.model)
-    T = arm.model.jointPlacements[2]
-    arm.model.jointPlacements[2] = T * pin.SE3(pin.exp3(np.array([1.4, 0.0, 0.0])), np.zeros(3))
-    with pytest.raises(DescriptionError, match="parallel"):
-        ArmNumbers.of(arm)

@@ -13,6 +13,7 @@ from baxter_kin.ik import (
     MostManipulable,
     NearestTo,
     Objective,
+    Tolerance,
 )
 from baxter_kin.ik.search.searcher import (
     BATCH_SIZES,
@@ -109,13 +110,9 @@ def poses_of(arm: Arm, count: int, seed: int) -> np.ndarray:
     return np.array([arm.T_base_tip(q).homogeneous for q in qs])
 
 
-@pytest.mark.parametrize("backend", ["auto", "casadi", Backend.COMPILED])
-def test_backends_are_taken_by_name(left: Arm, backend: str) -> None:
-    assert Searcher(left, backend).backend in (Backend.COMPILED, Backend.CASADI)
-
-
-def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
-    with pytest.raises(UnknownNameError, match="unknown backend 'gpu'; use one of: auto, compiled"):
+def test_a_backend_is_taken_by_name(left: Arm) -> None:
+    assert IKService(left, "casadi").backend is Backend.CASADI
+    with pytest.raises(UnknownNameError):
         IKService(left, "gpu")
 
 
@@ -140,7 +137,7 @@ def test_threads_do_not_disturb_each_other(left: Arm, ik: IKService) -> None:
 
     def work(i: int) -> None:
         T = left.T_base_tip(qs[i])
-        results = (ik.solve(T, seed=qs[i]) for _ in range(300))
+        results = (ik.solve(T, seed=qs[i]) for _ in range(60))
         wrong.extend(i for r in results if not np.array_equal(r.q, expected[i]))
 
     threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
@@ -155,7 +152,7 @@ def test_threads_do_not_disturb_each_other(left: Arm, ik: IKService) -> None:
 def test_every_pose_of_every_kind_is_solved(arm: Arm, backend: Backend) -> None:
     """Configurations: uniform, at one to three joint limits, elbow straight, wrist singular."""
     service = IKService(arm, backend)
-    for qs in _kinds(arm, 300):
+    for qs in _kinds(arm, 150 if backend is Backend.AUTO else 20):
         results = service.solve_batch([arm.T_base_tip(q) for q in qs])
         assert [str(r.failure) for r in results if not r.is_valid] == []
         assert max(r.position_error_m for r in results) <= 1e-6
@@ -177,18 +174,20 @@ def _kinds(arm: Arm, count: int) -> list[np.ndarray]:
 def test_short_cut_and_batch_give_the_same_answer(left: Arm, ik: IKService) -> None:
     rng = np.random.default_rng(6)
     middle = (left.limits.q_min + left.limits.q_max) / 2
-    for _ in range(300):
+    for _ in range(120):
         T = left.T_base_tip(left.random_configuration(rng))
         alone, (among,) = ik.solve(T, seed=middle), ik.solve_batch([T], seeds=[middle])
         np.testing.assert_array_equal(alone.q, among.q)
         assert alone.seed_type is among.seed_type
 
 
-def test_machine_code_and_virtual_machine_agree(left: Arm) -> None:
-    Ts = poses_of(left, 200, 7)
-    fast, slow = (IKService(left, b).solve_batch(list(Ts)) for b in ("auto", "casadi"))
-    for a, b in zip(fast, slow, strict=True):
-        np.testing.assert_allclose(a.q, b.q, atol=1e-6)
+def test_machine_code_and_virtual_machine_agree(any_arm: Arm) -> None:
+    Ts = list(poses_of(any_arm, 40, 7))
+    fast, slow = (IKService(any_arm, backend) for backend in ("auto", "casadi"))
+    for tolerance in (Tolerance(), Tolerance.about("x")):
+        both = (each.solve_batch(Ts, tolerance=tolerance) for each in (fast, slow))
+        for a, b in zip(*both, strict=True):
+            np.testing.assert_allclose(a.q, b.q, atol=1e-6)
 
 
 def test_reference_agrees_that_the_solutions_are_optimal_poses(left: Arm, ik: IKService) -> None:
@@ -197,7 +196,7 @@ def test_reference_agrees_that_the_solutions_are_optimal_poses(left: Arm, ik: IK
     As an interior-point method it keeps about 1e-6 rad off active limits.
     """
     reference = IKService(left, "ipopt")
-    for T in poses_of(left, 10, 8):
+    for T in poses_of(left, 4, 8):
         q = ik.solve(T).q
         again = reference.solve(T, seed=q, mode=SeedMode.USER)
         assert again.seed_type is SeedType.USER
@@ -233,7 +232,7 @@ def test_an_objective_improves_on_the_first_solution(
     left: Arm, ik: IKService, objective: Objective
 ) -> None:
     rng = np.random.default_rng(10)
-    for _ in range(5):
+    for _ in range(2):
         T = left.T_base_tip(left.random_configuration(rng))
         first, best = ik.solve(T), ik.solve(T, objective=objective)
         costs = objective.costs(left, np.array([first.q, best.q]))

@@ -63,17 +63,6 @@ def test_least_value_is_found(where: float) -> None:
     assert value == math.fabs(x - where)
 
 
-def test_end_reads_as_a_sentence(left: Arm) -> None:
-    curve = trace_self_motion(left, left.start)
-    assert {str(end) for end in curve.ends} <= {
-        f"{name} reaches its limit of {bound:.6g} rad"
-        for name, lower, upper in zip(
-            left.joint_names, left.limits.q_min, left.limits.q_max, strict=True
-        )
-        for bound in (lower, upper)
-    }
-
-
 def test_closed_curve_returns_to_its_start(left: Arm) -> None:
     curve = trace_self_motion(left, CLOSED)
     assert curve.is_closed
@@ -111,7 +100,7 @@ def test_piece_that_limits_cut_to_a_point_is_a_point(robot: Baxter, left: Arm) -
     }
 
 
-@pytest.mark.parametrize("excess_rad", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("excess_rad", [1e-3, 1e-7])
 def test_limit_grazed_within_a_step_ends_the_curve(
     robot: Baxter, left: Arm, excess_rad: float
 ) -> None:
@@ -133,24 +122,18 @@ def test_tracing_stops_where_branches_meet(left: Arm, side: float) -> None:
     half = trace_self_motion(left, through.at(through.s_start + side))
     kinds = [end.kind for end in half.ends]
     assert kinds.count(EndKind.SINGULARITY) == 1
+    assert any("branches meet" in str(end) for end in half.ends)
     end = half.q[0 if kinds[0] is EndKind.SINGULARITY else -1]
     weak = 1e-3  # rad within which the rank counts as five: its loss is slow here
     assert np.linalg.norm(end - q) < weak
 
 
-def test_singularity_is_named_as_the_reason(left: Arm) -> None:
-    q = singular_near(left, CROSSING)
-    through = trace_self_motion(left, q)
-    half = trace_self_motion(left, through.at(through.s_start + 0.05))
-    assert any("branches meet" in str(end) for end in half.ends)
-
-
-@pytest.mark.parametrize("gap_rad", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("gap_rad", [1e-1, 1e-3])
 def test_sharp_turn_beside_a_singularity_is_followed(left: Arm, gap_rad: float) -> None:
     """Curves of neighbouring poses turn off where the branches of the singular one cross."""
     q = singular_near(left, CROSSING)
     plane = np.linalg.svd(left.jacobian(q))[2][5:]
-    for a in np.linspace(0.0, math.pi, 7):
+    for a in np.linspace(0.0, math.pi, 5):
         beside = q + gap_rad * np.array([math.cos(a), math.sin(a)]) @ plane
         curve = trace_self_motion(left, beside)
         turns = (curve.tangent[1:] * curve.tangent[:-1]).sum(axis=1)
@@ -222,7 +205,7 @@ def test_short_arcs_get_no_points(solution_curve: SolutionCurve, start: CurvePoi
 def test_wherever_a_curve_leaves_its_limits_it_was_suspected(arm: Arm) -> None:
     """Loops without limits, and their cubics sampled closely."""
     rng, crossings = np.random.default_rng(7), 0
-    for _ in range(6):
+    for _ in range(4):
         q = arm.random_configuration(rng)
         curve = SolutionCurve(arm, arm.T_base_tip(q))
         start = curve.start(q)
@@ -236,7 +219,7 @@ def test_wherever_a_curve_leaves_its_limits_it_was_suspected(arm: Arm) -> None:
             if inside.any() and not inside.all() and inside[0] | inside[-1]:
                 crossings += 1
                 assert is_suspected, (q, i)
-    assert crossings > 20
+    assert crossings > 12
 
 
 def test_the_last_point_takes_the_place_of_one_that_it_coincides_with(start: CurvePoint) -> None:
@@ -273,7 +256,7 @@ def test_a_limit_that_is_crossed_between_two_points_inside_ends_the_curve(
 
 def test_loop_holds_its_pieces_and_no_others(arm: Arm) -> None:
     rng = np.random.default_rng(5)
-    for _ in range(40):
+    for _ in range(12):
         q = arm.random_configuration(rng)
         solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
         (loop,) = loops_near(solution_curve, np.array([q]))

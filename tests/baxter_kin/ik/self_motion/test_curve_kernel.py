@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from baxter_kin import Arm
 from baxter_kin.ik.self_motion.curve_kernel import (
     BLOCK,
-    LANES,
     MAX_TURN_RAD,
     MIN_STEP_RAD,
     CurveKernel,
@@ -52,16 +51,6 @@ def test_a_correction_is_that_of_the_pseudo_inverse(any_arm: Arm) -> None:
         assert found[15] < 1e-13  # the residual
         second_order = 100.0 * size**2 / sigma[5]
         assert np.linalg.norm(found[:7] - q - (null[6] @ (off - q)) * null[6]) < second_order
-
-
-def test_many_lanes_are_each_as_one(any_arm: Arm) -> None:
-    _, correct, many, _ = curve_functions()
-    q, rng = any_arm.start, np.random.default_rng(2)
-    starts, normals = q + 0.01 * rng.normal(size=(LANES, 7)), rng.normal(size=(LANES, 7))
-    together = np.array(many(starts.T, normals.T, *shared(any_arm, q))).T
-    for start, normal, found in zip(starts, normals, together, strict=True):
-        alone = np.array(correct(start, normal, *shared(any_arm, q))).ravel()
-        np.testing.assert_array_equal(found, alone)
 
 
 def test_a_march_goes_on_from_attempt_to_attempt(any_arm: Arm) -> None:
@@ -171,13 +160,9 @@ def test_many_are_corrected_like_one(left: Arm) -> None:
     T, near = pose(left, left.start), left.start + 1e-3 * rng.standard_normal((77, 7))
     normal = rng.standard_normal((77, 7))
     many = kernel.corrected_many(near, normal, T)
+    assert len(kernel.corrected_many(near[:0], normal[:0], T).q) == 0
     for q, n, row in zip(near, normal, many.q, strict=True):
         np.testing.assert_array_equal(kernel.corrected(q, n, T).q[0], row)
-
-
-def test_correcting_no_configurations_gives_none(left: Arm) -> None:
-    none = np.empty((0, 7))
-    assert len(CurveKernel.of(left).corrected_many(none, none, pose(left, left.start)).q) == 0
 
 
 def test_steps_stay_on_the_curve_and_turn_little(left: Arm) -> None:

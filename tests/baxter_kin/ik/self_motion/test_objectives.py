@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
@@ -49,6 +49,7 @@ def curve(robot: Baxter) -> SelfMotion:
     return trace_self_motion(arm, arm.start)
 
 
+@settings(max_examples=12)
 @given(seed=st.integers(0, 10_000))
 def test_best_is_not_beaten_anywhere_on_the_curve(seed: int, robot: Baxter) -> None:
     arm = robot.arm("left" if seed % 2 else "right")
@@ -66,13 +67,6 @@ def test_best_is_on_the_curve_and_inside_the_limits(curve: SelfMotion) -> None:
         best = best_on(curve, objective)
         assert curve.nearest(best)[1] < LOCATED
         assert not curve.arm.limits.violations(best)
-
-
-def test_best_does_not_depend_on_the_step(curve: SelfMotion) -> None:
-    coarse = trace_self_motion(curve.arm, curve.at(1.0), step_rad=0.1)
-    for objective in objectives(curve.arm, 2):
-        one, other = (cost(objective, curve.arm, best_on(c, objective)) for c in (curve, coarse))
-        assert one == pytest.approx(other, abs=LOCATED)
 
 
 def test_nearest_to_a_point_of_the_curve_is_that_point(curve: SelfMotion) -> None:
@@ -144,22 +138,6 @@ def test_minimum_between_points_is_found_even_when_another_point_is_lower(
     np.testing.assert_allclose(best_on(curve, Valley()), q_valley, atol=1e-8)
 
 
-@pytest.mark.parametrize("q", [np.zeros(6), [math.nan] * 7, "q"])
-def test_malformed_seed_is_refused(q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q_seed"):
-        NearestTo(q)
-
-
-@pytest.mark.parametrize("costs", [np.zeros(3), 0.0, [math.nan]])
-def test_objective_with_invalid_costs_is_refused_by_name(curve: SelfMotion, costs: Any) -> None:
-    class Odd:
-        def costs(self, arm: Arm, q: FloatArray) -> Any:  # noqa: ARG002
-            return np.resize(costs, len(q)) if np.isnan(costs).any() else costs
-
-    with pytest.raises(RequestError, match="costs of Odd"):
-        best_on(curve, Odd())
-
-
 def test_objectives_keep_a_copy(left: Arm) -> None:
     seed = np.array(left.start)
     objective = NearestTo(seed)
@@ -168,22 +146,37 @@ def test_objectives_keep_a_copy(left: Arm) -> None:
     assert not objective.q_seed.flags.writeable
 
 
-@pytest.mark.parametrize("objective", [5, None, FarthestFromLimits, "nearest"], ids=str)
-def test_object_without_costs_is_refused(left: Arm, objective: Any) -> None:
-    curve = trace_self_motion(left, left.neutral, step_rad=0.2)
-    with pytest.raises(RequestError, match=r"objective must be an object with a method costs"):
+@dataclass(frozen=True)
+class Odd:
+    """An objective whose costs are invalid."""
+
+    given: Any
+
+    def costs(self, arm: Arm, q: FloatArray) -> Any:  # noqa: ARG002
+        return self.given if np.ndim(self.given) < 2 else np.resize(self.given, len(q))
+
+
+@pytest.mark.parametrize(
+    "objective",
+    [
+        *(None, FarthestFromLimits, "nearest"),
+        *(Odd(costs) for costs in (np.zeros(3), 0.0, [[math.nan]])),
+    ],
+    ids=str,
+)
+def test_invalid_objectives_are_refused(curve: SelfMotion, objective: Any) -> None:
+    with pytest.raises(RequestError):
         best_on(curve, objective)
 
 
-def test_best_point_of_another_class_than_curve_is_refused() -> None:
-    with pytest.raises(RequestError, match="curve must be of class SelfMotion, got int"):
+def test_invalid_curves_and_configurations_are_refused(left: Arm) -> None:
+    with pytest.raises(RequestError):
         best_on(5, FarthestFromLimits())  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("number", range(3))
-@pytest.mark.parametrize(
-    "q", [np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "q"], ids=str
-)
-def test_costs_are_of_rows_of_joint_values(left: Arm, number: int, q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q "):
-        objectives(left, 0)[number].costs(left, q)
+    for q in (np.zeros(6), [math.nan] * 7, "q"):
+        with pytest.raises(ConfigurationError):
+            NearestTo(q)
+    rows: Any
+    for rows in (np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan)):
+        for objective in objectives(left, 0):
+            with pytest.raises(ConfigurationError):
+                objective.costs(left, rows)

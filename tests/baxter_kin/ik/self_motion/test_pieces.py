@@ -3,7 +3,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter, IKService
@@ -21,7 +20,6 @@ from baxter_kin.ik.self_motion.solution_curve import SolutionCurve
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
-from tests.baxter_kin.ik.self_motion.test_tracing import pose_error
 from tests.baxter_kin.ik.test_solution_set import BLOCK, independent_solutions
 from tests.served_urdf import served_urdf
 
@@ -41,7 +39,7 @@ def pieces_of(arm: Arm, q: FloatArray) -> list[Piece]:
 
 def test_every_configuration_is_inside_the_limits(arm: Arm) -> None:
     rng = np.random.default_rng(1)
-    for _ in range(10):
+    for _ in range(4):
         for piece in pieces_of(arm, arm.random_configuration(rng)):
             for q in piece.points.q:
                 assert not arm.limits.violations(q)
@@ -49,7 +47,7 @@ def test_every_configuration_is_inside_the_limits(arm: Arm) -> None:
 
 def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
     rng = np.random.default_rng(2)
-    for _ in range(10):
+    for _ in range(4):
         curve = trace_self_motion(arm, arm.random_configuration(rng))
         pieces = pieces_of(arm, curve.at(curve.s_start))
         assert min(curve.nearest(piece.points.q[0])[1] for piece in pieces) < 1e-6
@@ -58,7 +56,7 @@ def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
 def test_ends_of_pieces_agree_with_traced_curves(arm: Arm) -> None:
     """Pieces traced with limits, and pieces cut out of the loop, end on the same limits."""
     rng = np.random.default_rng(4)
-    for _ in range(6):
+    for _ in range(3):
         for piece in pieces_of(arm, arm.random_configuration(rng)):
             middle = piece.points.q[len(piece.points) // 2]
             curve = trace_self_motion(arm, middle)
@@ -69,7 +67,7 @@ def test_ends_of_pieces_agree_with_traced_curves(arm: Arm) -> None:
 def test_every_piece_leads_to_the_same_pieces(arm: Arm) -> None:
     """Being on one loop is an equivalence."""
     rng = np.random.default_rng(3)
-    for _ in range(6):
+    for _ in range(3):
         pieces = distinct_solutions(arm, [arm.random_configuration(rng)], step_rad=0.05)
         for piece in pieces[1:]:
             middle = piece.at(0.5 * piece.length_rad)
@@ -84,29 +82,22 @@ def test_piece_shorter_than_a_step_is_found(left: Arm, q: list[float]) -> None:
     assert pieces[-1].length_rad < 0.01
 
 
-def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
-    q_known = np.array(WITH_TINY_PIECE[0])
-    for piece in pieces_of(left, q_known):
-        for q in piece.points.q:
-            assert pose_error(robot, left, q, left.T_base_tip(q_known)) < 1e-9
-
-
 def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
     """Sampled closely between the points of the loop."""
     rng, checked = np.random.default_rng(8), 0
-    for _ in range(5):
+    for _ in range(3):
         q = arm.random_configuration(rng)
         solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
         (loop,) = loops_near(solution_curve, q[None])
         pieces = list(pieces_inside(solution_curve, [loop]))
         points, _ = filled(solution_curve.without_limits, loop.points, 0.01)
         inside = solution_curve.into_range(points)
-        for point in inside.q[inside.clearance_rad > AT_LIMIT_RAD]:
+        for point in inside.q[inside.clearance_rad > AT_LIMIT_RAD][::3]:
             assert sum(holds(piece, point) for piece in pieces) == 1
             checked += 1
-        for point in inside.q[inside.clearance_rad < -AT_LIMIT_RAD]:
+        for point in inside.q[inside.clearance_rad < -AT_LIMIT_RAD][::3]:
             assert not any(holds(piece, point) for piece in pieces)
-    assert checked > 500
+    assert checked > 100
 
 
 AT_LIMIT_RAD = 1e-3
@@ -124,7 +115,7 @@ def holds(piece: Piece, q: FloatArray) -> bool:
 
 def test_ends_stand_on_the_limit_they_name_and_lead_out_of_it(arm: Arm) -> None:
     rng = np.random.default_rng(9)
-    for _ in range(10):
+    for _ in range(4):
         for piece in pieces_of(arm, arm.random_configuration(rng)):
             sides = (piece.points[0].reversed(), piece.points[len(piece.points) - 1])
             for point, end in zip(sides, piece.ends, strict=True):
@@ -139,7 +130,7 @@ def test_loops_cut_together_are_cut_as_separately(left: Arm) -> None:
     rng = np.random.default_rng(10)
     T = left.T_base_tip(left.start)
     solution_curve = SolutionCurve(left, T)
-    starts = np.array([left.random_configuration(rng) for _ in range(200)])
+    starts = np.array([left.random_configuration(rng) for _ in range(80)])
     loops = loops_near(solution_curve, starts)
     assert len(loops) > 1
     together = list(pieces_inside(solution_curve, loops))
@@ -147,11 +138,6 @@ def test_loops_cut_together_are_cut_as_separately(left: Arm) -> None:
     assert [piece.ends for piece in together] == [piece.ends for piece in alone]
     for one, other in zip(together, alone, strict=True):
         np.testing.assert_allclose(one.points.q, other.points.q, atol=1e-12)
-
-
-def test_no_loops_have_no_pieces(left: Arm) -> None:
-    solution_curve = SolutionCurve(left, left.T_base_tip(left.start))
-    assert list(pieces_inside(solution_curve, [])) == []
 
 
 def test_pose_of_which_a_piece_was_missed_has_eleven(left: Arm, ik: IKService) -> None:
@@ -182,22 +168,8 @@ def test_solution_cornered_between_limits_is_a_piece(
 
 
 def test_more_starts_find_nothing_more(ik: IKService) -> None:
-    one, other = (solutions(ik, BLOCK, starts=starts) for starts in (1, 300))
+    one, other = (solutions(ik, BLOCK, starts=starts) for starts in (1, 100))
     assert [c.length_rad for c in one] == pytest.approx([c.length_rad for c in other], abs=1e-6)
-
-
-def test_pieces_belong_to_the_given_arm(robot: Any) -> None:
-    """Also for an arm with other dimensions than the stock robot."""
-    arm, rng = Arm("left", robot.model), np.random.default_rng(12)
-    for i in range(1, 8):
-        off = pin.exp6(np.concatenate([5e-3 * rng.uniform(-1, 1, 3), 1e-2 * rng.uniform(-1, 1, 3)]))
-        arm.model.jointPlacements[i] = arm.model.jointPlacements[i] * off
-    T = arm.T_base_tip(arm.start)
-    curves = distinct_solutions(arm, independent_solutions(arm, T, 60, seed=1))
-    assert curves
-    for curve in curves:
-        for q in curve.q:
-            assert np.linalg.norm(pin.log6(arm.T_base_tip(q).actInv(T)).vector) < 1e-11
 
 
 CALIBRATED = [
@@ -213,22 +185,21 @@ def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
     arm = Baxter.load(served_urdf(np.random.default_rng(7))).arm("left")
     T = arm.T_base_tip(q)
     curves = solutions(IKService(arm), T)
-    for other in [np.array(q), *independent_solutions(arm, T, 100, seed=2)]:
+    for other in [np.array(q), *independent_solutions(arm, T, 30, seed=2)]:
         assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
-@pytest.mark.parametrize("held", [0, 2, 4])
-def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
+@pytest.mark.parametrize(("side", "held"), [("left", 0), ("right", 2), ("left", 4)])
+def test_solutions_hold_every_other_solution(robot: Any, side: str, held: int) -> None:
     """For poses of configurations with this many joints at limits."""
-    for side, seed in (("left", 20), ("right", 21)):
-        arm, rng = robot.arm(side), np.random.default_rng(seed)
-        q = arm.random_configuration(rng)
-        at_limits = rng.permutation(7)[:held]
-        q[at_limits] = arm.limits.q_max[at_limits]
-        T = arm.T_base_tip(q)
-        curves = solutions(IKService(arm), T)
-        for other in [q, *independent_solutions(arm, T, 60, seed=8)]:
-            assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
+    arm, rng = robot.arm(side), np.random.default_rng(20)
+    q = arm.random_configuration(rng)
+    at_limits = rng.permutation(7)[:held]
+    q[at_limits] = arm.limits.q_max[at_limits]
+    T = arm.T_base_tip(q)
+    curves = solutions(IKService(arm), T)
+    for other in [q, *independent_solutions(arm, T, 30, seed=8)]:
+        assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
 def test_every_candidate_is_on_exactly_one_piece(arm: Arm) -> None:
@@ -237,20 +208,6 @@ def test_every_candidate_is_on_exactly_one_piece(arm: Arm) -> None:
     found = pieces_through(SolutionCurve(arm, T), candidates, 0.05)
     for q in candidates:
         assert sum(piece.nearest(q)[1] < SAME_CURVE_RAD for piece in found) == 1
-
-
-def test_pieces_do_not_depend_on_the_order_of_candidates_and_the_longest_is_first(
-    left: Arm,
-) -> None:
-    T = left.T_base_tip(left.start)
-    candidates = np.array(independent_solutions(left, T, 20, seed=4))
-    one, other = (
-        pieces_through(SolutionCurve(left, T), each, 0.05)
-        for each in (candidates, candidates[::-1])
-    )
-    lengths = [piece.length_rad for piece in one]
-    assert lengths == sorted(lengths, reverse=True)
-    assert lengths == pytest.approx([piece.length_rad for piece in other], abs=1e-4)
 
 
 def test_a_known_solution_is_on_one_of_the_pieces(any_arm: Arm) -> None:
@@ -267,8 +224,3 @@ def test_the_sweep_finds_the_pieces_that_searches_lead_to(left: Arm) -> None:
     lengths = [piece.length_rad for piece in all_]
     assert [piece.length_rad for piece in swept] == pytest.approx(lengths, abs=1e-4)
     assert len(swept) > 1
-
-
-def test_no_candidates_give_no_pieces(left: Arm) -> None:
-    T = left.T_base_tip(left.start)
-    assert pieces_through(SolutionCurve(left, T), np.empty((0, 7)), 0.05) == ()

@@ -63,14 +63,6 @@ def test_twice_the_other_way_is_the_same_way(rows: FloatArray) -> None:
         np.testing.assert_array_equal(CurvePoints.of([one]).rows, CurvePoints.of([other]).rows)
 
 
-def test_reversing_changes_tangent_and_determinant_alone() -> None:
-    point = CurvePoint(np.arange(7.0), np.eye(7)[2], 0.5, 1e-13, -0.1)
-    other = point.reversed()
-    np.testing.assert_array_equal(other.q, point.q)
-    np.testing.assert_array_equal(other.tangent, -point.tangent)
-    assert other.measures == (-0.5, 1e-13, -0.1)
-
-
 @given(rows, rows)
 def test_joined_points_can_be_cut(one: FloatArray, other: FloatArray) -> None:
     joined = CurvePoints(one).then(CurvePoints(other))
@@ -134,7 +126,7 @@ def test_other_branch_of_a_singular_start_can_be_chosen(left: Arm) -> None:
     q = singular_near(left, CROSSING)
     first = trace_self_motion(left, q)
     plane = np.linalg.svd(left.jacobian(q))[2][5:]
-    angles = np.linspace(0.0, math.pi, 60)
+    angles = np.linspace(0.0, math.pi, 24)
     across = [
         trace_self_motion(left, q, towards=[math.cos(a), math.sin(a)] @ plane, step_rad=0.1)
         for a in angles

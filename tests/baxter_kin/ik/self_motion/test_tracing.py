@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from attrs.exceptions import FrozenInstanceError
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, BaxterError
@@ -36,7 +36,7 @@ ALONE = np.array([1.3192, 0.5717, -0.0826, 0.1944, 1.848, 1.8152, -1.4308])
 """Next to a singular configuration of the left arm that no branch leaves."""
 
 
-def random_curves(arm: Arm, count: int = 8) -> list[SelfMotion]:
+def random_curves(arm: Arm, count: int = 4) -> list[SelfMotion]:
     rng = np.random.default_rng(11)
     return [trace_self_motion(arm, arm.random_configuration(rng)) for _ in range(count)]
 
@@ -203,6 +203,7 @@ def test_tracing_from_an_end_gives_the_same_curve(curves: list[SelfMotion]) -> N
 # --- the same curve however it is traced
 
 
+@settings(max_examples=12)
 @given(seed=st.integers(0, 10_000), share=st.floats(0.0, 1.0))
 def test_any_other_point_gives_the_same_curve(seed: int, share: float, robot: Baxter) -> None:
     arm = robot.arm("left" if seed % 2 else "right")
@@ -247,18 +248,14 @@ def test_nearest_measures_the_distance_across(left: Arm) -> None:
 # --- bad input
 
 
-def test_configuration_outside_the_limits_is_refused_by_name(left: Arm) -> None:
-    q = np.array(left.start)
-    q[3] = -1.0
-    with pytest.raises(ConfigurationError, match=r"left_e1 = -1 rad is outside -0\.05"):
-        trace_self_motion(left, q)
+OUTSIDE = np.array([0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
         *(({"arm": arm}, RequestError) for arm in (None, 5, "left")),
-        *(({"q": q}, ConfigurationError) for q in (np.zeros(6), [math.nan] * 7, "q", None)),
+        *(({"q": q}, ConfigurationError) for q in (np.zeros(6), [math.nan] * 7, "q", OUTSIDE)),
         *(({"step_rad": step}, RequestError) for step in (0.0, -0.02, math.nan, math.inf)),
         *(({"step_rad": step}, RequestError) for step in ("0.02", None, True, 1e-9, 1)),
         *(({"towards": t}, RequestError) for t in (np.zeros(7), np.ones(6), [math.nan] * 7)),
@@ -274,15 +271,12 @@ def test_invalid_arguments_are_refused(
         trace_self_motion(**arguments)
 
 
-@pytest.mark.parametrize("s", [-0.1, 1e3, math.nan, "0", None])
-def test_length_beyond_the_ends_is_refused(left: Arm, s: Any) -> None:
+@pytest.mark.parametrize("s", [-0.1, 1e3, math.nan, "0"])
+def test_invalid_arguments_of_a_curve_are_refused(curves: list[SelfMotion], s: Any) -> None:
     with pytest.raises(RequestError):
-        trace_self_motion(left, left.start).at(s)
-
-
-def test_nearest_refuses_a_malformed_configuration(left: Arm) -> None:
-    with pytest.raises(ConfigurationError, match="q has shape"):
-        trace_self_motion(left, left.start).nearest(np.zeros(6))
+        curves[0].at(s)
+    with pytest.raises(ConfigurationError):
+        curves[0].nearest(np.zeros(6))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin import Baxter
+from baxter_kin import Baxter, BaxterError
 from baxter_kin.errors import UnknownNameError
 from planner.atlas import PositionGrid, ReachMap, RotationGrid
 from planner.atlas.pictures import plot_difference, plot_profile, plot_reach_map
@@ -83,10 +83,20 @@ def test_a_figure_is_a_picture_in_a_notebook(small_map: ReachMap) -> None:
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 
-def test_what_makes_no_sense_is_refused(small_map: ReachMap) -> None:
-    with pytest.raises(UnknownNameError, match="unknown quantity 'shares'; use one of: share"):
-        plot_reach_map(small_map, quantity="shares")
-    with pytest.raises(AtlasError, match="a figure has 1 to 24 slices, got 0 heights"):
-        plot_reach_map(small_map, heights_m=[])
-    with pytest.raises(AtlasError, match="lies outside of the map"):
-        plot_difference(small_map, small_map, heights_m=[3.0])
+@pytest.mark.parametrize(
+    ("plot", "arguments", "error"),
+    [
+        (plot_reach_map, {"quantity": "shares"}, UnknownNameError),
+        (plot_reach_map, {"arm": "middle"}, UnknownNameError),
+        (plot_reach_map, {"heights_m": []}, AtlasError),
+        (plot_reach_map, {"heights_m": [3.0]}, AtlasError),
+        (plot_profile, {"direction": (0, 0, 0)}, AtlasError),
+        (plot_profile, {"reach_map": 3}, AtlasError),
+        (plot_difference, {"other": 3}, AtlasError),
+    ],
+)
+def test_invalid_arguments_are_refused(
+    small_map: ReachMap, plot: Any, arguments: dict[str, Any], error: type[BaxterError]
+) -> None:
+    with pytest.raises(error):
+        plot(**({"reach_map": small_map} | arguments))

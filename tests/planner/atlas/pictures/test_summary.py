@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from baxter_kin.errors import UnknownNameError
 from planner.atlas import PositionGrid, ReachMap, RotationGrid
 from planner.atlas.pictures.summary import (
     combined,
     difference,
     layer_at,
-    layers,
     pointing,
     profile,
     summarise,
@@ -32,7 +30,7 @@ def test_a_summary_counts_cells_one_by_one(small_map: ReachMap, arm: str) -> Non
     rng = np.random.default_rng(2)
     sides = small_map.arms if arm in ("either", "both") else (arm,)
     at_least = 2 if arm == "both" else 1
-    for position in rng.integers(small_map.positions.shape, size=(4, 3)).tolist():
+    for position in rng.integers(small_map.positions.shape, size=(2, 3)).tolist():
         cells = [[small_map.cell(side, tuple(position), r) for r in range(72)] for side in sides]
         of_pairs = list(zip(*cells, strict=True))
         reached = [sum(c.status == "reachable" for c in pair) >= at_least for pair in of_pairs]
@@ -68,12 +66,6 @@ def test_two_arms_claim_no_more_than_is_proven() -> None:
             assert combined(a, b, is_both=True) == both
 
 
-def test_layers_are_the_whole_map(small_map: ReachMap) -> None:
-    shares = [summarise(small_map, "left", part).share for _, part in layers(small_map)]
-    whole = summarise(small_map, "left", WHOLE).share
-    assert np.array_equal(np.concatenate(shares, axis=2), whole)
-
-
 def test_a_profile_counts_area(small_map: ReachMap) -> None:
     heights, areas = profile(small_map, "right", (0.0, 0.5))
     share = summarise(small_map, "right", WHOLE).share
@@ -89,14 +81,10 @@ def test_the_nearest_direction_is_taken_with_all_its_rolls() -> None:
     tools = grid.matrices[chosen][:, :, 2]
     assert np.allclose(tools, tools[0])
     assert (grid.matrices[:, :, 2].sum(axis=1) <= tools[0].sum() + 1e-9).all()
-    with pytest.raises(AtlasError, match="points nowhere"):
-        pointing(grid, (0, 0, 0))
 
 
 def test_heights_are_those_of_the_nearest_layer(small_map: ReachMap) -> None:
     assert [layer_at(small_map, height) for height in (-0.04, 0.06, 0.2)] == [0, 1, 2]
-    with pytest.raises(AtlasError, match=r"1 m lies outside of the map, .* from 0 to 0.2 m"):
-        layer_at(small_map, 1.0)
 
 
 def test_a_difference_is_signed_and_of_equal_grids(
@@ -111,7 +99,7 @@ def test_a_difference_is_signed_and_of_equal_grids(
     margins[:, ::2] = -1
     other.write_block(block, Cells(margins, cells.witnesses))
     less = difference(small_map, other, WHOLE, "left")
-    part = small_map.positions.block_slices(block[1:])
+    part = small_map.grid.slices(block)
     lost = (cells.margins >= 0).sum(axis=1) - (margins >= 0).sum(axis=1)
     assert lost.max() > 0
     assert less[part].reshape(-1) == pytest.approx(-lost / 72)
@@ -121,11 +109,6 @@ def test_a_difference_is_signed_and_of_equal_grids(
     )
     with pytest.raises(AtlasError, match="have different rotations"):
         difference(small_map, few, WHOLE, "left")
-
-
-def test_an_arm_that_the_map_lacks_is_refused(small_map: ReachMap) -> None:
-    with pytest.raises(UnknownNameError, match="left, right, either, both"):
-        summarise(small_map, "middle", WHOLE)
 
 
 def test_what_is_not_computed_has_no_share(robot: Baxter, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,16 @@ import pytest
 
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import field_names
+from baxter_kin.parallel import Serial
 from planner.atlas import ReachMap
-from planner.atlas.redundancy import RedundancyMap, RedundancySearch, Subset
-from planner.atlas.redundancy.measures import MEASURES
+from planner.atlas.redundancy import (
+    RedundancyDefinition,
+    RedundancyMap,
+    RedundancySearch,
+    Subset,
+    build_redundancy_map,
+)
+from planner.atlas.redundancy.freedom import MEASURES
 from planner.errors import AtlasError
 
 
@@ -102,9 +110,26 @@ def test_what_is_not_there_is_refused(redundancy_map: RedundancyMap) -> None:
 
 def test_a_new_map_has_nothing(small_map: ReachMap, tmp_path: Path) -> None:
     subset = Subset(("right",), (0,), (0,), (0,), (0, 1))
-    others = small_map.robot.configuration()
-    empty = RedundancyMap.create(tmp_path / "new", small_map, subset, others, backend="any")
-    assert empty.missing_blocks() == empty.blocks == ((0, 0, 0, 0),)
+    definition = RedundancyDefinition(small_map, subset)
+    empty = RedundancyMap.create_from(tmp_path / "new", definition)
+    assert list(empty.missing_blocks()) == list(empty.blocks) == [(0, 0, 0, 0)]
     assert empty.cell("right", (0, 0, 0), 1).status == "not computed"
     assert np.isnan(empty.values("pieces", "right")).all()
     assert repr(empty) == "RedundancyMap(right, 1 x 1 x 1 points, 2 rotations)"
+
+
+def test_what_a_cell_has_does_not_depend_on_the_subset(
+    redundancy_map: RedundancyMap, small_map: ReachMap, tmp_path: Path
+) -> None:
+    """Nor on the map that was at the path before, of which a process keeps what is slow to make."""
+    path = tmp_path / "here.zarr"
+    for subset in (
+        Subset(("left",), (2,), (1, 4), (1,), (2, 9)),
+        Subset(("left",), (0,), (4,), (1,), (2,)),
+    ):
+        found = build_redundancy_map(path, small_map, subset, engine=Serial())
+        for y in subset.y:
+            at = subset.x[0], y, 1
+            cells = found.cell("left", at, 2), redundancy_map.cell("left", at, 2)
+            assert cells[0].freedom == cells[1].freedom
+        shutil.rmtree(path)

@@ -25,8 +25,8 @@ def test_boxes_planes_and_every_nth(small_map: ReachMap) -> None:
     assert subset.x == (1,)
     assert subset.y == (0, 3, 6, 9)
     assert subset.z == (1,)
-    points = small_map.positions.points()[tuple(subset.positions()[0, 1, 0])]
-    assert np.allclose(points, [0.6, 0.3, 0.1])
+    (at,) = subset.points(np.array([[0, 1, 0]]))
+    assert np.allclose(small_map.positions.points()[tuple(at)], [0.6, 0.3, 0.1])
 
 
 def test_a_direction_of_the_tool_has_all_of_its_rolls(small_map: ReachMap) -> None:
@@ -38,19 +38,6 @@ def test_a_direction_of_the_tool_has_all_of_its_rolls(small_map: ReachMap) -> No
 
 def test_rotations_are_sorted_and_counted_once(small_map: ReachMap) -> None:
     assert Subset.of(small_map, rotations=[9, 3, 9]).rotations == (3, 9)
-
-
-def test_blocks_hold_every_position_once() -> None:
-    subset = Subset(("left",), tuple(range(9)), (2, 5, 7), (1,), tuple(range(30)))
-    seen = np.zeros(subset.shape, int)
-    for block in np.ndindex(*subset.blocks):
-        seen[subset.block_slices(block)] += 1
-    assert (seen == 1).all()
-
-
-@pytest.mark.parametrize(("rotations", "edge"), [(1, 8), (6, 4), (72, 2), (576, 1), (5000, 1)])
-def test_blocks_of_many_rotations_have_few_positions(rotations: int, edge: int) -> None:
-    assert Subset(("left",), (0,), (0,), (0,), tuple(range(rotations))).block_edge == edge
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,13 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Manipulator, PickAndPlace, Plan, Scene, plan_pick_and_place
+from planner import Plan
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
 from sim.simulation import Dwell
-from tests.conftest import overhead
 from tests.sim.ros1.execution.bus import Bus, BusNode
 from tests.sim.ros1.execution.clock import virtual_time
 from tests.sim.ros1.execution.fake_robot import FakeRobot
@@ -52,9 +51,9 @@ class Network:
 
 
 @pytest.fixture(scope="session")
-def demo_plan(manipulator: Manipulator, scene: Scene) -> Plan:
-    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.start)
+def demo_plan(plan: Plan) -> Plan:
+    """The demo's pick and place."""
+    return plan
 
 
 @pytest.fixture

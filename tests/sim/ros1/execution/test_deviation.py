@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
@@ -23,6 +23,7 @@ def sample(q_path: FloatArray, q_measured: FloatArray) -> Sample:
     return Sample(0.0, "left", q_path, q_path, q_measured, still, 0.0, 0.0, **flags)
 
 
+@settings(max_examples=15)
 @given(late=st.floats(0.0, 40.0))
 def test_an_arm_that_is_late_is_off_its_set_points_but_not_off_its_path(
     left: Arm, late: float

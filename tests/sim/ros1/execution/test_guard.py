@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin.fields import evolve
@@ -87,7 +87,7 @@ def test_samples_of_every_pair_keep_the_clearance(approach: Approach) -> None:
     checker, move = approach.context.checker, approach.move
     full, inner = np.array(approach.context.q_others), shared_joints(checker)
     least = np.full(len(JOINTS) + 1, np.inf)
-    for t in np.linspace(0.0, move.trajectory.duration, 40).tolist():
+    for t in np.linspace(0.0, move.trajectory.duration, 13).tolist():
         full[checker.motion_bounds.q_index] = move.trajectory.sample(t).q
         found = checker.distances_m(full, range(len(inner)))
         for joint, distance_m in zip(inner.tolist(), found, strict=True):
@@ -142,6 +142,7 @@ def distance_m(approach: Approach, q: FloatArray) -> float:
     return approach.context.clearance(q).distance_m
 
 
+@settings(max_examples=25)
 @given(offsets=OFFSETS, scale=st.floats(0.0, 0.1))
 def test_what_it_lets_pass_keeps_its_distance(
     approach: Approach, offsets: list[float], scale: float
@@ -168,6 +169,7 @@ def test_it_stops_an_arm_before_it_touches_and_says_where(approach: Approach) ->
     pytest.fail("it let the arm pass into the table")
 
 
+@settings(max_examples=25)
 @given(late_s=st.floats(0.0, 0.9))
 def test_an_arm_that_is_late_on_its_path_is_let_pass(approach: Approach, late_s: float) -> None:
     end_s = approach.move.trajectory.duration

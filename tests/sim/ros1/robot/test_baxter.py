@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter, IKService
@@ -17,8 +17,8 @@ from planner.scene.contact import PRESSING_TOLERANCE_M
 from sim import EventKind, World
 from sim.ros1.robot.arm_motion import BadOrderError
 from sim.ros1.robot.baxter import MAX_TICKS, SimulatedBaxter
+from sim.ros1.robot.gazebo import GAZEBO_START_RAD, furniture, start_rad
 from sim.ros1.robot.gripper import GripperOrder
-from sim.ros1.robot.startup import GAZEBO_START_RAD, furniture, start_rad
 from sim.world import contacts
 from tests.conftest import at, overhead
 from tests.sim.runs import Witness
@@ -115,6 +115,7 @@ class TestArms:
         assert bench.baxter.arms["left"].q.tolist() == where
         assert not bench.baxter.assembly.state.is_enabled
 
+    @settings(max_examples=15)
     @given(st.integers(1, 40))
     def test_a_late_tick_makes_up_for_a_few_and_no_more(self, robot: Baxter, late: int) -> None:
         witness = Witness()

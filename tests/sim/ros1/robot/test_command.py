@@ -8,14 +8,12 @@ import selectors
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from baxter_kin import Baxter
 from baxter_kin.command_line import parse
 from sim import read_recording
 from sim.ros1 import press
@@ -106,20 +104,6 @@ def test_it_ends_with_status_1_when_another_takes_its_name() -> None:
         assert "registered" in robot.process.stderr.read()
 
 
-def test_a_master_that_is_not_there_is_one_sentence_and_status_1() -> None:
-    done = subprocess.run(
-        (sys.executable, "-m", "sim.ros1.robot"),
-        env={**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:1", "ROS_IP": "127.0.0.1"},
-        capture_output=True,
-        text=True,
-        timeout=READY_S,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert done.stderr.startswith("baxter-robot: cannot reach the master at 127.0.0.1:1")
-    assert done.stderr.count("\n") == 1
-
-
 def test_its_options_are_seen_on_the_network_and_in_the_record(tmp_path: Path) -> None:
     record = tmp_path / "all.mcap"
     options = ["--own-master", "--port", "0", "--follow", "lag", "--lag-s", "0.2"]
@@ -140,16 +124,6 @@ def test_its_options_are_seen_on_the_network_and_in_the_record(tmp_path: Path) -
         "block spawned, at rest on cafe_table",
     ]
     assert len(recording.times_s) > 10
-
-
-@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".csv"])
-def test_it_is_recorded_in_every_format(tmp_path: Path, suffix: str, robot: Baxter) -> None:
-    file = tmp_path / f"all{suffix}"
-    with started("--own-master", "--port", "0", "--record", str(file)) as begun:
-        time.sleep(0.3)  # some ticks
-        assert begun.end(signal.SIGINT) == 130
-    recording = read_recording(file, robot).recording
-    assert len(recording.times_s) > 5
 
 
 def test_buttons_are_pressed_by_a_command_of_its_own(

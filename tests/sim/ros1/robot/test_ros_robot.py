@@ -15,9 +15,9 @@ from sim import EventKind, World
 from sim.errors import RosError
 from sim.ros1.master import Master
 from sim.ros1.node import Node
+from sim.ros1.robot.gazebo import start_rad
 from sim.ros1.robot.panel import INPUTS, NAVIGATORS, OUTPUTS
 from sim.ros1.robot.ros_robot import NAME, RosRobot
-from sim.ros1.robot.startup import start_rad
 from tests.conftest import overhead
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.robot.client import CORE, IK, Client
@@ -60,7 +60,7 @@ class TestRobot:
         assert names >= {f"/robot/navigators/{name}_navigator/state" for name in NAVIGATORS}
         assert len(names) == len(topics) == 37
 
-    def test_joint_states_have_all_joints_each_with_everything(
+    def test_joint_states_endpoints_and_hands_are_those_of_the_robot(
         self, served: RosRobot, client: Client
     ) -> None:
         message = client.now(*JOINT_STATES)
@@ -75,18 +75,26 @@ class TestRobot:
         ]
         assert stamps == sorted(set(stamps))
 
-    @pytest.mark.parametrize("side", ["left", "right"])
-    def test_endpoints_are_where_kinematics_has_them(
-        self, served: RosRobot, client: Client, side: str
-    ) -> None:
-        message = client.now(f"/robot/limb/{side}/endpoint_state", f"{CORE}/EndpointState")
-        arm = served.baxter.world.robot.arm(side)
-        T_base_tip = arm.T_base_tip(arm.start)
-        p, o = message.pose.position, message.pose.orientation
-        assert [p.x, p.y, p.z] == pytest.approx(T_base_tip.translation.tolist(), abs=1e-12)
-        quat = np.array([o.x, o.y, o.z, o.w])
-        assert abs(quat @ quaternion_xyzw(T_base_tip)) == pytest.approx(1.0)
-        assert message.header.frame_id == "base"
+        for side, arm in robot.arms.items():
+            message = client.now(f"/robot/limb/{side}/endpoint_state", f"{CORE}/EndpointState")
+            T_base_tip = arm.T_base_tip(arm.start)
+            p, o = message.pose.position, message.pose.orientation
+            assert [p.x, p.y, p.z] == pytest.approx(T_base_tip.translation.tolist(), abs=1e-12)
+            quat = np.array([o.x, o.y, o.z, o.w])
+            assert abs(quat @ quaternion_xyzw(T_base_tip)) == pytest.approx(1.0)
+            assert message.header.frame_id == "base"
+        detection = f"{LEFT}/collision_detection_state", f"{CORE}/CollisionDetectionState"
+        assert not client.now(*detection).collision_state
+        found = client.now(f"{HAND}/properties", f"{CORE}/EndEffectorProperties")
+        assert (found.id, found.ui_type) == (65538, 2)
+        assert found.firmware_date == "2014/7/24 18:30:00"
+        assert found.firmware_rev.split()[0] == "3.0.0"
+        topic = f"{LEFT}/inverse_dynamics_command"  # feed-forward is taken without a word
+        client.say(topic, "trajectory_msgs/JointTrajectoryPoint", effort=[1.0] * 7)
+        client.now(*JOINT_STATES)
+        assert not served.diagnostics.counts
+        assert client.node.subscribers_of("/robot/joint_state_publish_rate") == ()
+        assert client.node.publishers_of(f"{LEFT}/follow_joint_trajectory/status") == ()
 
     def test_a_passive_hand_is_told_as_such(self, own_master: str) -> None:
         world = World(Baxter.load(hands={"left": None}))
@@ -134,18 +142,9 @@ class TestEnabling:
         assert client.state.stopped
         client.say("/robot/sim/press", "std_msgs/String", data="left release")
         client.until(*topic, lambda m: m.estop_button == 3)
-        client.say("/robot/set_super_reset", "std_msgs/Empty")
+        client.say("/robot/sim/press", "std_msgs/String", data="left reset")
         reset = client.until(*topic, lambda m: not m.stopped)
         assert (reset.estop_button, reset.estop_source) == (0, 0)
-
-    def test_it_is_reset_on_our_own_topic_as_well(self, client: Client) -> None:
-        topic = "/robot/state", f"{CORE}/AssemblyState"
-        client.enable()
-        for button, at_end in (("estop", 1), ("release", 3), ("reset", 0)):
-            client.say("/robot/sim/press", "std_msgs/String", data=f"left {button}")
-            while client.until(*topic, bool).estop_button != at_end:
-                pass
-        assert not client.state.stopped
 
     def test_tucked_arms_need_suppression(self, robot: Baxter, own_master: str) -> None:
         tucked = start_rad(is_tucked=True)
@@ -187,7 +186,9 @@ class TestArm:
         assert joints["left_s0"] == pytest.approx(0.1, abs=1e-9)
         assert served.baxter.world.arm_q("left")[0] == pytest.approx(0.1, abs=1e-9)
 
-    def test_velocity_and_twist_are_those_of_the_motion(self, client: Client) -> None:
+    def test_velocity_and_twist_are_those_of_the_motion_and_the_speed_ratio_counts(
+        self, served: RosRobot, client: Client
+    ) -> None:
         client.enable()
         endpoint = f"{LEFT}/endpoint_state", f"{CORE}/EndpointState"
         client.listen(*endpoint)
@@ -200,6 +201,11 @@ class TestArm:
         assert mid.twist.linear.x == pytest.approx(-0.6 * about_shoulder, abs=0.002)
         speeds = {float(np.abs(m.velocity).max()) for m in client.heard[JOINT_STATES[0]]}
         assert max(speeds) == pytest.approx(0.6)
+        client.say(f"{LEFT}/set_speed_ratio", "std_msgs/Float64", data=1.0)
+        until(lambda: served.baxter.arms["left"].speed_ratio == 1.0)
+        client.move({"left_s0": 0.0}, 1e-9)
+        speeds = {float(np.abs(m.velocity).max()) for m in client.heard[JOINT_STATES[0]]}
+        assert max(speeds) == pytest.approx(2.0)
 
     def test_a_head_that_turned_unread_rests(self, served: RosRobot, client: Client) -> None:
         client.enable()
@@ -208,15 +214,6 @@ class TestArm:
         until(lambda: served.baxter.head.pan_rad > 0.499 and not served.baxter.head.is_turning)
         client.now("/robot/head/head_state", f"{CORE}/HeadState")  # a tick at rest
         assert np.abs(client.now(*JOINT_STATES).velocity).max() < 0.1  # it settles without end
-
-    def test_the_speed_ratio_counts(self, served: RosRobot, client: Client) -> None:
-        client.enable()
-        client.say(f"{LEFT}/set_speed_ratio", "std_msgs/Float64", data=1.0)
-        until(lambda: served.baxter.arms["left"].speed_ratio == 1.0)
-        client.joints()
-        client.move({"left_s0": 0.3}, 1e-9)
-        speeds = [float(np.abs(m.velocity).max()) for m in client.heard[JOINT_STATES[0]]]
-        assert max(speeds) == pytest.approx(2.0)
 
     def test_velocities_end_after_the_time_out(self, served: RosRobot, client: Client) -> None:
         client.enable()
@@ -245,40 +242,16 @@ class TestArm:
         )
         assert len(logs) == 1
 
-    def test_what_is_outside_the_limits_is_clipped_and_said(
-        self, served: RosRobot, client: Client
-    ) -> None:
-        client.enable()
-        client.listen(*ROSOUT)
-        client.send({"left_w2": -9.0})
-        until(lambda: any("left_w2 = -9 rad is outside" in m.msg for m in client.heard["/rosout"]))
+        def is_clipped() -> bool:
+            client.send({"left_w2": -9.0})  # it is said once a second
+            return any("left_w2 = -9 rad is outside" in m.msg for m in client.heard["/rosout"])
+
+        until(is_clipped)
         assert served.baxter.arms["left"].target[6] == -3.059
-
-    def test_feed_forward_is_taken_without_a_word(self, served: RosRobot, client: Client) -> None:
-        topic = f"{LEFT}/inverse_dynamics_command"
-        client.say(topic, "trajectory_msgs/JointTrajectoryPoint", effort=[1.0] * 7)
-        client.now(*JOINT_STATES)
-        assert not served.diagnostics.counts
-
-    def test_nobody_listens_to_the_publish_rate_and_nobody_offers_trajectories(
-        self, client: Client
-    ) -> None:
-        assert client.node.subscribers_of("/robot/joint_state_publish_rate") == ()
-        assert client.node.publishers_of(f"{LEFT}/follow_joint_trajectory/status") == ()
-
-    def test_a_contact_is_told(self, client: Client) -> None:
-        detection = f"{LEFT}/collision_detection_state", f"{CORE}/CollisionDetectionState"
-        assert not client.now(*detection).collision_state
 
 
 class TestGripper:
     """Commands to a hand."""
-
-    def test_it_is_electric_with_a_firmware_that_clients_take(self, client: Client) -> None:
-        found = client.now(f"{HAND}/properties", f"{CORE}/EndEffectorProperties")
-        assert (found.id, found.ui_type) == (65538, 2)
-        assert found.firmware_date == "2014/7/24 18:30:00"
-        assert found.firmware_rev.split()[0] == "3.0.0"
 
     def test_it_answers_moves_and_misses(self, client: Client, witness: Witness) -> None:
         client.enable()
@@ -305,14 +278,10 @@ class TestGripper:
         assert done.ready == 1
         assert any(m.ready == 0 for m in client.heard[f"{HAND}/state"])
 
-    @pytest.mark.parametrize(
-        ("what", "kind"), [("properties", "EndEffectorProperties"), ("state", "EndEffectorState")]
-    )
-    def test_custom_end_effectors_are_refused(
-        self, served: RosRobot, client: Client, what: str, kind: str
-    ) -> None:
-        client.say(f"{HAND}/rsdk/set_{what}", f"{CORE}/{kind}", id=7)
-        until(lambda: served.diagnostics.counts[f"{HAND}/rsdk/set_{what}"])
+    def test_custom_end_effectors_are_refused(self, served: RosRobot, client: Client) -> None:
+        for what, kind in (("properties", "EndEffectorProperties"), ("state", "EndEffectorState")):
+            client.say(f"{HAND}/rsdk/set_{what}", f"{CORE}/{kind}", id=7)
+            until(lambda what=what: served.diagnostics.counts[f"{HAND}/rsdk/set_{what}"])  # type: ignore[misc]
         assert client.gripper().id == 131073
 
 

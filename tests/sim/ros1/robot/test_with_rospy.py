@@ -22,10 +22,15 @@ SCRIPT = Path(__file__).with_name("demo_client.py")
 DONE_S = 120.0
 
 
-@pytest.mark.parametrize("follow", list(Follow))
 def test_a_program_for_baxter_carries_a_block(
-    robot: Baxter, master_uri: str, classes: Path, tmp_path: Path, follow: Follow
+    robot: Baxter,
+    master_uri: str,
+    classes: Path,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
 ) -> None:
+    """Exact set-points at our master, a lag at Debian's."""
+    follow = Follow.EXACT if "our master" in request.node.name else Follow.LAG
     table, witness = tmp_path / "table.sdf", Witness()
     table.write_text(TABLE_SDF, encoding="utf-8")
     q_start = {side: arm.start for side, arm in robot.arms.items()}

@@ -1,4 +1,4 @@
-"""A small map and its page, loaded once for many tests."""
+"""The page of the small map, loaded once for many tests."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from baxter_kin import Baxter
-from baxter_kin.parallel import Serial
-from planner.atlas import PositionGrid, ReachMap, RotationGrid, build_reach_map
+from planner.atlas import ReachMap
 from sim.view.atlas import write_atlas_page
 from tests.sim.conftest import SIZE, Watched, watched_page
 
@@ -30,17 +28,9 @@ RESET = """
 
 
 @pytest.fixture(scope="session")
-def reach_map(robot: Baxter, tmp_path_factory: pytest.TempPathFactory) -> ReachMap:
-    """From before the robot to beyond its reach, both arms, 72 rotations; not to be changed."""
-    path: Path = tmp_path_factory.mktemp("maps") / "map.zarr"
-    grid = PositionGrid.within([0.5, 0.0, 0.0], [0.8, 0.9, 0.2], 0.1)
-    return build_reach_map(path, robot, grid, RotationGrid.hopf(0), engine=Serial())
-
-
-@pytest.fixture(scope="session")
-def page_file(reach_map: ReachMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page_file(small_map: ReachMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pages") / "reach.html"
-    assert write_atlas_page(path, reach_map) == 1
+    assert write_atlas_page(path, small_map) == 1
     return path
 
 

@@ -29,7 +29,7 @@ def test_axe_finds_nothing(shown: Watched, size: tuple[int, int], scheme: Any) -
         assert violations(shown) == [], state
 
 
-def test_nothing_lies_on_something_else(shown: Watched) -> None:
+def test_no_two_cards_overlap(shown: Watched) -> None:
     for size, is_open in product((*SIZES, (700, 520)), (False, True)):
         shown.page.set_viewport_size({"width": size[0], "height": size[1]})
         shown.run("(is) => openPanel(is)", is_open)

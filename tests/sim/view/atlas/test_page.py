@@ -58,31 +58,31 @@ def choice(shown: Watched, name: str) -> Any:
     return shown.run("(name) => choice[name]", name)
 
 
-def test_levels_are_the_maps_margins_rounded_down(loaded: Watched, reach_map: ReachMap) -> None:
-    for arm, side in enumerate(reach_map.arms):
-        margins = reach_map.margins(side).reshape(-1, 72).T
+def test_levels_are_the_maps_margins_rounded_down(loaded: Watched, small_map: ReachMap) -> None:
+    for arm, side in enumerate(small_map.arms):
+        margins = small_map.margins(side).reshape(-1, 72).T
         wanted = np.where(margins >= 0, margins // 100 + 3, np.where(margins == -1, 1, 2))
         assert np.array_equal(loaded.run(LEVELS, arm), wanted)
 
 
-def test_every_witness_is_found_again_and_met(loaded: Watched, reach_map: ReachMap) -> None:
+def test_every_witness_is_found_again_and_met(loaded: Watched, small_map: ReachMap) -> None:
     found, met = loaded.run(WITNESSES)
-    assert met == len(found) == sum((reach_map.margins(s) >= 0).sum() for s in reach_map.arms)
+    assert met == len(found) == sum((small_map.margins(s) >= 0).sum() for s in small_map.arms)
     rng = np.random.default_rng(5)
     for which in rng.choice(len(found), 100, replace=False):
         arm, *where, rotation = (int(i) for i in found[which][:5])
-        side, q = reach_map.arms[arm], np.array(found[which][5:])
-        T = reach_map.cell(side, tuple(where), rotation).T_base_tip
-        reached = reach_map.robot.arm(side).T_base_tip(q)
+        side, q = small_map.arms[arm], np.array(found[which][5:])
+        T = small_map.cell(side, tuple(where), rotation).T_base_tip
+        reached = small_map.robot.arm(side).T_base_tip(q)
         assert np.linalg.norm(reached.translation - T.translation) < 1e-6
         assert np.linalg.norm(pin.log3(reached.rotation @ T.rotation.T)) < 1e-6
 
 
-def test_the_drawn_hand_is_at_the_chosen_pose(shown: Watched, reach_map: ReachMap) -> None:
+def test_the_drawn_hand_is_at_the_chosen_pose(shown: Watched, small_map: ReachMap) -> None:
     shown.run("chooseMap({arm: 'left', direction: 0, roll: 2})")
-    cell = reach_map.cell("left", (2, 3, 1), 2)
+    cell = small_map.cell("left", (2, 3, 1), 2)
     assert cell.q is not None
-    arm = reach_map.robot.arm("left")
+    arm = small_map.robot.arm("left")
     hand = np.array(shown.run(POSE_OF_HAND, "left")).reshape(4, 4)
     assert hand == pytest.approx(arm.chain.poses(cell.q[None])[0, -1], abs=0.03)
     tip = hand @ np.linalg.solve(
@@ -104,13 +104,13 @@ def test_a_witness_that_misses_its_pose_is_not_shown(shown: Watched) -> None:
 
 
 @pytest.mark.parametrize("arm", ["left", "right", "either", "both"])
-def test_shares_are_those_of_the_map(shown: Watched, reach_map: ReachMap, arm: str) -> None:
+def test_shares_are_those_of_the_map(shown: Watched, small_map: ReachMap, arm: str) -> None:
     shown.page.check(f"#arms input[value={arm}]")
-    left, right = (reach_map.margins(side) >= 0 for side in reach_map.arms)
+    left, right = (small_map.margins(side) >= 0 for side in small_map.arms)
     both = {"left": left, "right": right, "either": left | right, "both": left & right}
     wanted = both[arm].sum(axis=-1).reshape(-1)
     assert np.array_equal(shown.run("Array.from(drawn.summary.reached)"), wanted)
-    margins = [reach_map.margins(side) for side in reach_map.arms]
+    margins = [small_map.margins(side) for side in small_map.arms]
     never = [each == -1 for each in margins]
     proven = {"left": never[0], "right": never[1], "either": never[0] & never[1]}
     proven["both"] = never[0] | never[1]
@@ -134,20 +134,20 @@ def test_statuses_of_two_arms_claim_no_more_than_is_proven(loaded: Watched) -> N
             assert loaded.run(f"combined({a}, {b}, true) === {both}"), (a, b)
 
 
-def test_a_rotation_is_chosen_and_coloured_by_margin(shown: Watched, reach_map: ReachMap) -> None:
+def test_a_rotation_is_chosen_and_coloured_by_margin(shown: Watched, small_map: ReachMap) -> None:
     assert "Share of 72 rotations" in shown.page.inner_text("#quantity")
     shown.page.select_option("#direction", label="down")
     assert "Share of 6 rotations" in shown.page.inner_text("#quantity")
     shown.page.select_option("#roll", label="120°")
     assert shown.page.inner_text("#quantity") == "Margin to the nearest joint limit"
-    best = np.maximum(*(reach_map.margins(side)[..., 2] for side in reach_map.arms)).reshape(-1)
+    best = np.maximum(*(small_map.margins(side)[..., 2] for side in small_map.arms)).reshape(-1)
     levels = np.array(shown.run("Array.from(drawn.summary.best)"))
     assert np.array_equal(levels[best >= 0], best[best >= 0] // 100 + 3)
 
 
-def test_words_tell_pose_status_and_margin(shown: Watched, reach_map: ReachMap) -> None:
+def test_the_panel_shows_pose_status_and_margin(shown: Watched, small_map: ReachMap) -> None:
     shown.run("chooseMap({arm: 'left', direction: 0, roll: 2})")
-    cell = reach_map.cell("left", (2, 3, 1), 2)
+    cell = small_map.cell("left", (2, 3, 1), 2)
     assert cell.margin_rad is not None
     assert shown.page.inner_text("#caption") == "Reached by the left arm"
     assert shown.page.inner_text("#pose") == ("x 0.70 m, y 0.30 m, z 0.10 m; tool down, roll 120°")
@@ -156,7 +156,7 @@ def test_words_tell_pose_status_and_margin(shown: Watched, reach_map: ReachMap) 
     assert float(told[1]) == pytest.approx(cell.margin_rad, abs=0.021)
     assert "off by" in shown.page.inner_text("#check")
     assert shown.page.locator("#joints tr").count() == 7
-    nowhere = np.argwhere((reach_map.margins("right") == -1).all(axis=-1))[0].tolist()
+    nowhere = np.argwhere((small_map.margins("right") == -1).all(axis=-1))[0].tolist()
     shown.run("(cell) => chooseMap({arm: 'right', cell})", nowhere)
     assert shown.page.inner_text("#caption") == "Proven out of reach of the right arm"
     assert shown.run("posture.shown") == shown.run(
@@ -210,7 +210,7 @@ def test_keys_choose_arms_and_extents(shown: Watched) -> None:
         assert shown.page.is_checked(f"#extents input[value={extent}]")
 
 
-def test_extents_draw_what_they_say(shown: Watched) -> None:
+def test_extents_draw_their_layers(shown: Watched) -> None:
     heights = "[...new Set(drawn.boxes.map(({place}) => indicesOf(place)[2]))].sort().join()"
     for extent, drawn in (("slice", "1"), ("below", "0,1"), ("whole", "0,1,2")):
         shown.page.check(f"#extents input[value={extent}]")
@@ -219,10 +219,10 @@ def test_extents_draw_what_they_say(shown: Watched) -> None:
 
 
 def test_buttons_go_through_the_rotations_that_are_reached(
-    shown: Watched, reach_map: ReachMap
+    shown: Watched, small_map: ReachMap
 ) -> None:
     best = choice(shown, "rotation")
-    reached = [reach_map.margins(side)[2, 3, 1] >= 0 for side in reach_map.arms]
+    reached = [small_map.margins(side)[2, 3, 1] >= 0 for side in small_map.arms]
     wanted = list(np.flatnonzero(reached[0] | reached[1]))
     after = wanted[(wanted.index(best) + 1) % len(wanted)]
     shown.page.click("#next")
@@ -255,7 +255,7 @@ def test_the_robot_and_the_map_are_drawn(shown: Watched) -> None:
     assert int(((green > red + 25) & (blue > red)).sum()) < tiles / 4
 
 
-def test_the_page_asks_nobody_and_complains_of_nothing(shown: Watched, page_file: Path) -> None:
+def test_the_page_makes_no_requests_and_logs_no_errors(shown: Watched, page_file: Path) -> None:
     assert shown.errors == []
     asked = [url for url in shown.requests if not url.startswith(("data:", "blob:"))]
     assert asked == [page_file.as_uri()]

@@ -32,8 +32,8 @@ EXACT = 1e-9
 
 
 @pytest.fixture(scope="module")
-def shown(reach_map: ReachMap) -> ShownMap:
-    return shown_part(reach_map)
+def shown(small_map: ReachMap) -> ShownMap:
+    return shown_part(small_map)
 
 
 def test_the_chain_is_pinocchios(robot: Baxter) -> None:
@@ -51,14 +51,14 @@ def test_the_chain_is_pinocchios(robot: Baxter) -> None:
         assert error[0] == pytest.approx([1e-3, 0, 0, 1e-3, -2e-3, 3e-3], abs=EXACT)
 
 
-def test_every_witness_comes_back(reach_map: ReachMap, shown: ShownMap) -> None:
+def test_every_packed_witness_is_found_again(small_map: ReachMap, shown: ShownMap) -> None:
     """Unpacked in the plainest way, cell by cell, and judged by Pinocchio."""
-    q_near = np.array(list(read_one_by_one(reach_map, shown)))
+    q_near = np.array(list(read_one_by_one(small_map, shown)))
     Ts = np.tile(np.eye(4), (len(q_near), 1, 1))
     Ts[:, :3, 3] = shown.points(shown.cells)
-    Ts[:, :3, :3] = reach_map.rotations.matrices[shown.cells[4]]
-    for number, side in enumerate(reach_map.arms):
-        own, arm = shown.cells[0] == number, reach_map.robot.arm(side)
+    Ts[:, :3, :3] = small_map.rotations.matrices[shown.cells[4]]
+    for number, side in enumerate(small_map.arms):
+        own, arm = shown.cells[0] == number, small_map.robot.arm(side)
         q, _ = polished(arm, q_near[own], Ts[own])
         for each, T in zip(q[::7], Ts[own][::7], strict=True):
             reached = arm.T_base_tip(each)
@@ -70,9 +70,9 @@ def test_every_witness_comes_back(reach_map: ReachMap, shown: ShownMap) -> None:
         assert np.abs(q - shown.q[own]).max() <= SAME_RAD
 
 
-def read_one_by_one(reach_map: ReachMap, shown: ShownMap) -> Iterator[FloatArray]:
+def read_one_by_one(small_map: ReachMap, shown: ShownMap) -> Iterator[FloatArray]:
     """What is packed for each reachable cell, before it is polished."""
-    packed, rolls = pack(reach_map, shown), reach_map.rotations.rolls
+    packed, rolls = pack(small_map, shown), small_map.rotations.rolls
     begun = following = 0
     last: tuple[int, ...] = ()
     for (*position, rotation), of_roll in zip(shown.cells.T.tolist(), packed.of_roll, strict=True):
@@ -81,17 +81,17 @@ def read_one_by_one(reach_map: ReachMap, shown: ShownMap) -> Iterator[FloatArray
             begun, last = following, (*position, direction)
         index = begun + int(of_roll)
         following = max(following, index + 1)
-        q = unpacked(reach_map, packed, reach_map.arms[position[0]], index)
+        q = unpacked(small_map, packed, small_map.arms[position[0]], index)
         q[6] = wrapped(q[6] + rolls[roll])
         yield q
     assert following == len(packed.first)
 
 
-def unpacked(reach_map: ReachMap, packed: PackedWitnesses, side: str, index: int) -> FloatArray:
+def unpacked(small_map: ReachMap, packed: PackedWitnesses, side: str, index: int) -> FloatArray:
     if index in packed.kept:
         kept: FloatArray = packed.q_kept[packed.kept == index][0]
         return kept.copy()
-    limits = reach_map.robot.arm(side).limits
+    limits = small_map.robot.arm(side).limits
     low, high = limits.q_min.copy(), limits.q_max.copy()
     low[6], high[6] = -math.pi, math.pi
     steps = np.array([packed.first[index], *packed.others[:, index]], float)
@@ -101,8 +101,8 @@ def unpacked(reach_map: ReachMap, packed: PackedWitnesses, side: str, index: int
     return q
 
 
-def test_rolls_share_witnesses(reach_map: ReachMap, shown: ShownMap) -> None:
-    packed = pack(reach_map, shown)
+def test_rolls_share_witnesses(small_map: ReachMap, shown: ShownMap) -> None:
+    packed = pack(small_map, shown)
     assert len(packed.first) < 0.5 * len(shown.q)
     assert len(packed.kept) < 0.05 * len(packed.first)
 

@@ -72,19 +72,14 @@ def page(viewer: Viewer) -> Iterator[Page]:
         yield page
 
 
-def test_a_page_is_told_what_it_may_change(page: Page) -> None:
-    assert page.told["clock"] == AS_IT_BEGINS
-
-
-def test_a_page_that_cannot_change_anything_is_told_so(robot: Baxter) -> None:
+def test_a_page_knows_when_it_cannot_control_the_program(robot: Baxter) -> None:
     with Viewer(robot, keeps_time=False) as viewer, page_of(viewer) as page:
-        assert page.told["clock"] is None
         page.ask("pause", True)
         Simulation(World(robot), [viewer]).wait(1.0)
         assert page.told["clock"] is None
 
 
-def test_every_page_is_told_of_a_pause(viewer: Viewer, page: Page) -> None:
+def test_every_page_shows_a_pause(viewer: Viewer, page: Page) -> None:
     with page_of(viewer) as other:
         page.ask("pause", True)
         for each in (page, other):
@@ -120,23 +115,21 @@ def test_a_pause_ends_when_no_page_is_open(viewer: Viewer, robot: Baxter) -> Non
     assert not viewer._pacing.is_paused
 
 
-@pytest.mark.parametrize("speed", [0.1, 4, 0.5])
-def test_a_speed_is_taken(page: Page, speed: float) -> None:
-    page.ask("speed", speed)
-    page.wait_until(lambda page: page.told["clock"]["speed"] == speed)
-
-
-@pytest.mark.parametrize("message", NOT_UNDERSTOOD, ids=range(len(NOT_UNDERSTOOD)))
-def test_all_else_is_ignored(
-    viewer: Viewer, page: Page, message: str | bytes, capfd: pytest.CaptureFixture[str]
+def test_a_valid_speed_is_accepted_and_everything_else_ignored(
+    page: Page, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    if isinstance(message, str):
-        message = message.encode("utf-8", "surrogatepass").decode("utf-8", "replace")
-    page.send(message)
-    page.ask("speed", 2.0)
-    page.wait_until(lambda page: page.told["clock"]["speed"] == 2.0)
-    assert page.told["clock"] == AS_IT_BEGINS | {"speed": 2.0}
-    assert [value for topic, value in page.history if topic == "clock"][1:] == [page.told["clock"]]
+    assert page.told["clock"] == AS_IT_BEGINS
+    for message in NOT_UNDERSTOOD:
+        if isinstance(message, str):
+            page.send(message.encode("utf-8", "surrogatepass").decode("utf-8", "replace"))
+        else:
+            page.send(message)
+    speeds = [0.1, 4, 0.5]
+    for speed in speeds:
+        page.ask("speed", speed)
+        page.wait_until(lambda page: page.told["clock"]["speed"] == speed)  # noqa: B023
+    told = [value for topic, value in page.history if topic == "clock"]
+    assert told == [AS_IT_BEGINS, *(AS_IT_BEGINS | {"speed": speed} for speed in speeds)]
     assert capfd.readouterr() == ("", "")
 
 
@@ -146,7 +139,7 @@ def test_all_else_is_ignored(
     | JSON.map(json.dumps)
     | st.tuples(st.sampled_from(("pause", "speed", "clock")), JSON).map(json.dumps)
 )
-@settings(deadline=None)
+@settings(max_examples=20)
 def test_no_message_breaks_anything(message: str | bytes) -> None:
     pacing = Pacing()
     apply_request(message, pacing)
@@ -154,7 +147,9 @@ def test_no_message_breaks_anything(message: str | bytes) -> None:
     assert 0.1 <= pacing.speed <= 4.0
 
 
-def test_a_page_that_sends_megabytes_is_left_and_others_stay(viewer: Viewer, page: Page) -> None:
+def test_a_page_that_sends_megabytes_is_disconnected_and_others_stay(
+    viewer: Viewer, page: Page
+) -> None:
     with page_of(viewer) as loud:
         loud.send("x" * 2_000_000)
         loud.wait_until(lambda page: page.is_closed)

@@ -26,13 +26,13 @@ def test_messages_on_different_topics_stay_in_order(latest: LatestMessages) -> N
     assert latest.take_all()[0] == "newer"
 
 
-def test_taking_empties_it(latest: LatestMessages) -> None:
+def test_taking_all_messages_leaves_none(latest: LatestMessages) -> None:
     latest.put("/a", "position", "1")
     latest.take_all()
     assert latest.take_all() == []
 
 
-def test_it_says_whether_a_message_differs_from_the_one_before(latest: LatestMessages) -> None:
+def test_put_returns_whether_a_message_is_new(latest: LatestMessages) -> None:
     assert [latest.put("", "caption", text) for text in ("a", "a", "b")] == [True, False, True]
 
 

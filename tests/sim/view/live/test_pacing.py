@@ -73,7 +73,7 @@ def test_a_new_speed_counts_from_the_last_snapshot_on(pacing: Pacing, clock: Clo
     assert clock.now_s - begin == pytest.approx(0.5 + 10 * TICK_S + 0.5)
 
 
-def test_a_new_speed_counts_for_who_waits_already(pacing: Pacing, clock: Clock) -> None:
+def test_a_new_speed_applies_to_a_snapshot_that_waits(pacing: Pacing, clock: Clock) -> None:
     pacing.wait_for(0.0)
     pacing.change_speed(0.1)
     clock.while_asleep = lambda: pacing.change_speed(4.0)

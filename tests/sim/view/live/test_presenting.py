@@ -34,7 +34,7 @@ def test_a_browser_is_opened_where_the_user_would_see_it(
     assert can_open(environ, platform) == is_opened
 
 
-def test_what_is_said_has_the_address_and_what_it_waits_for() -> None:
+def test_lines_name_the_address_and_the_waiting_time() -> None:
     assert list(address_lines(URL, {}, False, 15.0)) == [
         "open http://127.0.0.1:7000/ in a browser to watch",
         "(starts when the page is open, or in 15 s)",
@@ -43,7 +43,7 @@ def test_what_is_said_has_the_address_and_what_it_waits_for() -> None:
     assert len(list(address_lines(URL, {}, False, 0.0))) == 1
 
 
-def test_over_ssh_the_command_that_forwards_the_port_is_said() -> None:
+def test_over_ssh_the_lines_have_the_command_that_forwards_the_port() -> None:
     said = "\n".join(address_lines("http://127.0.0.1:7003/", SSH, False, 15.0))
     assert "ssh -L 7003:127.0.0.1:7003 user@host" in said
 

@@ -25,6 +25,13 @@ HANDSHAKE = (
 )
 
 
+@pytest.fixture(scope="module")
+def served(robot: Baxter) -> Iterator[Viewer]:
+    """A view that nobody closes."""
+    with Viewer(robot) as viewer:
+        yield viewer
+
+
 @pytest.fixture
 def viewer(robot: Baxter) -> Iterator[Viewer]:
     with Viewer(robot) as viewer:
@@ -56,51 +63,48 @@ def serving_threads() -> int:
     return sum(thread.name == "baxter-viewer" for thread in threading.enumerate())
 
 
-def test_listens_on_loopback_only(viewer: Viewer) -> None:
+def test_listens_on_loopback_only(served: Viewer) -> None:
     listening = [
         connection.laddr.ip
         for connection in psutil.Process().net_connections("tcp")
-        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port_of(viewer)
+        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port_of(served)
     ]
     assert listening == ["127.0.0.1"]
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "localhost:8080"])
-def test_answers_to_its_own_name(viewer: Viewer, host: str) -> None:
-    assert status(viewer, "/", host) == 200
-
-
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:7000", "["])
-def test_refuses_a_foreign_name(viewer: Viewer, host: str) -> None:
-    assert status(viewer, "/", host) == 403
-
-
-def test_lets_a_local_page_watch(viewer: Viewer) -> None:
-    assert b"101" in handshake(viewer, "localhost", "Origin: http://localhost\r\n")
-
-
-def test_refuses_to_be_watched_under_a_foreign_name(viewer: Viewer) -> None:
-    assert b"403" in handshake(viewer, "evil.example", "Origin: http://evil.example\r\n")
-
-
-def test_refuses_to_be_watched_from_a_foreign_page(viewer: Viewer) -> None:
-    assert b"403" in handshake(viewer, "localhost", "Origin: http://evil.example\r\n")
-
-
-def test_serves_the_page_where_meshcat_does(viewer: Viewer) -> None:
-    assert status(viewer, "/static/", "localhost") == 200
-
-
-@pytest.mark.parametrize("path", ["/missing", "/../pyproject.toml", "/%2e%2e/etc/passwd"])
-def test_serves_nothing_else(viewer: Viewer, path: str) -> None:
-    assert status(viewer, path, "localhost") == 404
-
-
-def test_bad_requests_leave_no_noise(viewer: Viewer, capfd: pytest.CaptureFixture[str]) -> None:
-    status(viewer, "/missing", "localhost")
-    status(viewer, "/", "evil.example")
-    status(viewer, "/", "localhost", method="POST")
+@pytest.mark.parametrize(
+    ("path", "host", "answer"),
+    [
+        ("/", "127.0.0.1", 200),
+        ("/", "localhost", 200),
+        ("/", "localhost:8080", 200),
+        ("/static/", "localhost", 200),  # where Meshcat serves the page
+        ("/", "evil.example", 403),
+        ("/", "evil.example:7000", 403),
+        ("/", "[", 403),
+        ("/missing", "localhost", 404),
+        ("/../pyproject.toml", "localhost", 404),
+        ("/%2e%2e/etc/passwd", "localhost", 404),
+    ],
+)
+def test_serves_the_page_under_its_own_name_and_nothing_else(
+    served: Viewer, path: str, host: str, answer: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert status(served, path, host) == answer
+    status(served, path, host, method="POST")
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "answer"),
+    [
+        ("localhost", "localhost", b"101"),
+        ("evil.example", "evil.example", b"403"),
+        ("localhost", "evil.example", b"403"),
+    ],
+)
+def test_only_a_local_page_may_watch(served: Viewer, host: str, origin: str, answer: bytes) -> None:
+    assert answer in handshake(served, host, f"Origin: http://{origin}\r\n")
 
 
 def test_a_browser_that_does_not_read_holds_nothing_up(
@@ -110,7 +114,7 @@ def test_a_browser_that_does_not_read_holds_nothing_up(
     with socket.create_connection(("127.0.0.1", port_of(viewer))) as client:
         client.sendall(HANDSHAKE.format(host="localhost", more="").encode())
         assert viewer.wait_for_client(5.0)
-        for angle in np.linspace(0.0, 1.0, 2000):
+        for angle in np.linspace(0.0, 1.0, 1000):
             viewer.show(robot.configuration({"left_s0": angle}), {}, f"{angle}")
         before = serving_threads()
         viewer.close()
@@ -125,11 +129,11 @@ def test_a_slow_browser_delays_no_other_and_costs_no_memory(
         client.sendall(HANDSHAKE.format(host="localhost", more="").encode())
         assert viewer.wait_for_client(5.0)
         with page_of(viewer) as page:
-            for number in range(3000):
+            for number in range(1000):
                 viewer.show(robot.configuration(), {}, f"caption {number}" + 5000 * ".")
-                if number % 300 == 0:
+                if number % 100 == 0:
                     page.wait_until(lambda page: page.told["caption"].startswith("caption"))
-            page.wait_until(lambda page: page.told["caption"].startswith("caption 2999"))
+            page.wait_until(lambda page: page.told["caption"].startswith("caption 999"))
         waiting = viewer._server._browsers.values()
         sizes = [sum(map(len, each.messages().values())) for each in waiting]
         assert all(size < 1e6 for size in sizes)
@@ -143,38 +147,27 @@ def test_a_value_that_is_unchanged_is_not_sent_again(viewer: Viewer, robot: Baxt
         assert [v for topic, v in page.history if topic == "caption"] == ["", "one", "two"]
 
 
-def test_several_views_live_side_by_side(viewer: Viewer, robot: Baxter) -> None:
+def test_several_views_live_side_by_side_at_different_ports(served: Viewer, robot: Baxter) -> None:
     with Viewer(robot) as other:
-        assert status(other, "/", "localhost") == status(viewer, "/", "localhost") == 200
-
-
-def test_a_taken_port_is_a_clear_error(viewer: Viewer, robot: Baxter) -> None:
-    port = port_of(viewer)
-    with pytest.raises(ViewerError, match=f"port {port}: another program uses it"):
+        assert status(other, "/", "localhost") == status(served, "/", "localhost") == 200
+    port = port_of(served)
+    with pytest.raises(ViewerError, match=f"{port}"):
         Viewer(robot, port=port)
 
 
 @pytest.mark.parametrize("port", [0, -1, 65536, True, "7000", 7000.0])
 def test_refuses_what_is_no_port(robot: Baxter, port: Any) -> None:
-    with pytest.raises(ViewerError, match="from 1 to 65535"):
+    with pytest.raises(ViewerError, match="port"):
         Viewer(robot, port=port)
 
 
-def test_closing_frees_the_port(robot: Baxter) -> None:
+def test_closing_frees_the_port_and_ends_the_thread(robot: Baxter) -> None:
     """A port that the system picked: 7000, the viewer's own choice, may go to a test beside."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
+    before = serving_threads()
     for _ in range(2):
         with Viewer(robot, port=port) as viewer:
             assert port_of(viewer) == port
-
-
-def test_closing_ends_the_thread(robot: Baxter) -> None:
-    before = serving_threads()
-    Viewer(robot).close()
-    assert serving_threads() == before
-
-
-def test_closing_twice_is_fine(viewer: Viewer) -> None:
-    viewer.close()
-    viewer.close()
+            viewer.close()  # twice
+        assert serving_threads() == before

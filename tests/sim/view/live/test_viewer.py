@@ -16,8 +16,8 @@ from playwright.sync_api import Browser
 from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
-from sim.view.gripper_status import GripperMood, GripperPhase
 from sim.view.live.viewer import Viewer
+from sim.view.panel import GripperMood, GripperPhase
 from tests.conftest import at
 from tests.sim.conftest import (
     BLOCK_AT_END,
@@ -82,44 +82,37 @@ def test_shows_a_body_that_moves(shown: tuple[Viewer, Watched], robot: Baxter) -
     assert np.linalg.norm(after - before) > 60
 
 
-def test_shows_a_joint_that_turns(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+def test_shows_a_joint_that_turns_and_a_finger_that_slides(
+    shown: tuple[Viewer, Watched], robot: Baxter
+) -> None:
     viewer, watched = shown
-    viewer.show(robot.configuration({"head_pan": 1.0}), {})
+    q = robot.configuration({"head_pan": 1.0, "l_gripper_l_finger_joint": 0.015})
+    viewer.show(q, {})
+    assert np.array_equal(viewer.q, q)
     node = "viewer.scene_tree.find(['robot', 'head_pan', 'moves']).object"
     wait_for(watched, f"Math.abs({node}.quaternion.z - Math.sin(0.5)) < 1e-6")
+    finger = "viewer.scene.getObjectByName('l_gripper_l_finger_joint').children[0]"
+    wait_for(watched, f"Math.abs({finger}.position.y - 0.015) < 1e-6")
 
 
-def test_shows_a_finger_that_slides(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
-    viewer, watched = shown
-    viewer.show(robot.configuration({"l_gripper_l_finger_joint": 0.015}), {})
-    wait_for(
-        watched,
-        "Math.abs(viewer.scene.getObjectByName('l_gripper_l_finger_joint')"
-        ".children[0].position.y - 0.015) < 1e-6",
-    )
-
-
-def test_shows_the_caption_as_text(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
-    viewer, watched = shown
-    viewer.show(robot.configuration(), {}, "pick 1: <b>descend")
-    wait_for(watched, "document.getElementById('caption').textContent === 'pick 1: <b>descend'")
-
-
-def test_shows_the_seed_type_apart(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
-    viewer, watched = shown
-    viewer.show(robot.configuration(), {}, "pick: descend", seed="User Provided Seed")
-    wait_for(watched, "element('seed').textContent === 'IK seed: User Provided Seed'")
-    assert watched.page.inner_text("#caption") == "pick: descend"
-
-
-def test_shows_what_a_gripper_does(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+def test_shows_caption_seed_and_gripper_as_text(
+    shown: tuple[Viewer, Watched], robot: Baxter
+) -> None:
     viewer, watched = shown
     missed = GripperPhase("missed", GripperMood.MISSED)
-    viewer.show(robot.configuration(), {}, grippers={"right": missed})
+    viewer.show(
+        robot.configuration(),
+        {},
+        "pick 1: <b>descend",
+        seed="User Provided Seed",
+        grippers={"right": missed},
+    )
+    wait_for(watched, "element('caption').textContent === 'pick 1: <b>descend'")
+    wait_for(watched, "element('seed').textContent === 'IK seed: User Provided Seed'")
     wait_for(watched, "element('right-gripper').textContent === 'right gripper: missed'")
 
 
-def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
+def test_draws_the_path_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
     held = {"left": GripperPhase("holding block", GripperMood.HOLDING)}
     for angle in np.linspace(0.0, 0.8, 60):
         viewer.show(robot.configuration({"left_s0": angle}), {}, grippers=held)
@@ -130,13 +123,9 @@ def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxte
     assert orange_pixels(watched.picture()) > 150
 
 
-def test_says_which_configuration_it_shows(viewer: Viewer, robot: Baxter) -> None:
-    q = robot.configuration({"left_s0": 0.3})
-    viewer.show(q, {})
-    assert np.array_equal(viewer.q, q)
-
-
 def test_shows_itself_in_a_notebook(viewer: Viewer, watched: Watched) -> None:
+    assert not viewer.has_client
+    assert not viewer.wait_for_client(0.01)
     watched.page.set_content(viewer._repr_html_())
     assert viewer.wait_for_client(10.0)
 
@@ -169,67 +158,47 @@ def test_page_says_that_the_program_has_ended(robot: Baxter, watched: Watched) -
     wait_for(watched, "document.getElementById('status').textContent.includes('has ended')")
 
 
-def test_page_says_nothing_on_the_console(shown: tuple[Viewer, Watched]) -> None:
-    shown[1].picture()
-    assert shown[1].errors == []
-
-
-def test_page_asks_nobody_else(shown: tuple[Viewer, Watched]) -> None:
+def test_page_makes_no_other_requests_and_logs_nothing(
+    shown: tuple[Viewer, Watched],
+) -> None:
     viewer, watched = shown
+    watched.picture()
     fetched = [url for url in watched.requests if not url.startswith("data:")]
     assert fetched
     assert all(url.startswith(viewer.url) for url in fetched)
+    assert watched.errors == []
+    assert viewer.has_client
 
 
-def test_knows_whether_somebody_watches(shown: tuple[Viewer, Watched]) -> None:
-    assert shown[0].has_client
+OPEN = GripperPhase("open", GripperMood.EMPTY)
+STANDING = np.zeros(19)
 
 
-def test_knows_that_nobody_watches(viewer: Viewer) -> None:
-    assert not viewer.has_client
-
-
-def test_waiting_for_a_browser_ends_without_one(viewer: Viewer) -> None:
-    assert not viewer.wait_for_client(0.01)
-
-
-def test_a_closed_view_shows_nothing(viewer: Viewer, robot: Baxter) -> None:
+@pytest.mark.parametrize(
+    ("q", "bodies", "grippers", "named"),
+    [
+        (np.zeros(7), {}, {}, "q has shape"),
+        (np.full(19, np.nan), {}, {}, "q must be finite"),
+        (STANDING, {"ghost": at(0.0, 0.0, 0.0)}, {}, "ghost"),
+        (STANDING, {}, {"third": OPEN}, "third"),
+        (STANDING, {}, {"left": "open"}, "GripperPhase"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(
+    viewer: Viewer, q: Any, bodies: Any, grippers: Any, named: str
+) -> None:
+    with pytest.raises(ViewerError, match=named):
+        viewer.show(q, bodies, grippers=grippers)
     viewer.close()
     with pytest.raises(ViewerError, match="closed"):
-        viewer.show(robot.configuration(), {}, "more")
+        viewer.show(STANDING, {}, "more")
 
 
-def test_refuses_a_configuration_of_another_size(viewer: Viewer) -> None:
-    with pytest.raises(ViewerError, match="q has shape"):
-        viewer.show(np.zeros(7), {})
-
-
-def test_refuses_a_configuration_that_is_not_finite(viewer: Viewer) -> None:
-    with pytest.raises(ViewerError, match="q must be finite"):
-        viewer.show(np.full(19, np.nan), {})
-
-
-def test_refuses_to_move_an_unknown_body(viewer: Viewer, robot: Baxter) -> None:
-    with pytest.raises(ViewerError, match="no body 'ghost'"):
-        viewer.show(robot.configuration(), {"ghost": at(0.0, 0.0, 0.0)})
-
-
-def test_refuses_an_unknown_gripper(viewer: Viewer, robot: Baxter) -> None:
-    phase = GripperPhase("open", GripperMood.EMPTY)
-    with pytest.raises(ViewerError, match="no gripper 'third'"):
-        viewer.show(robot.configuration(), {}, grippers={"third": phase})
-
-
-def test_refuses_a_gripper_in_bare_words(viewer: Viewer, robot: Baxter) -> None:
-    wrong: Any = {"left": "open"}
-    with pytest.raises(ViewerError, match="left gripper must be of class GripperPhase"):
-        viewer.show(robot.configuration(), {}, grippers=wrong)
-
-
-@pytest.mark.parametrize("name", ["ghost", ["ghost"], np.zeros(7), {5: None}, None], ids=str)
-def test_refuses_to_remove_an_unknown_body(viewer: Viewer, name: Any) -> None:
-    with pytest.raises(ViewerError):
-        viewer.remove_body(name)
+def test_an_unknown_body_is_not_removed(viewer: Viewer) -> None:
+    name: Any
+    for name in ("ghost", ["ghost"], np.zeros(7), {5: None}, None):
+        with pytest.raises(ViewerError):
+            viewer.remove_body(name)
 
 
 def test_killed_program_leaves_nothing() -> None:

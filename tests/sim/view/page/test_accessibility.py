@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -50,38 +50,34 @@ def violations(watched: Watched) -> list[Any]:
     return [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in found]
 
 
-@pytest.mark.parametrize(("size", "scheme"), list(product(SIZES, ("light", "dark"))))
+@pytest.mark.parametrize(("size", "scheme"), [(SIZES[0], "light"), (SIZES[2], "dark")])
 def test_axe_finds_nothing(story: Watched, size: tuple[int, int], scheme: Any) -> None:
+    """In a narrow window by day and a wide one by night: colours do not depend on the size."""
     story.page.set_viewport_size({"width": size[0], "height": size[1]})
     story.page.emulate_media(color_scheme=scheme)
     story.run("replay.seek(0.6 * replay.duration)")
     for state, script in STATES.items():
         story.run(script)
         assert violations(story) == [], state
+    canvas = story.page.locator("#view canvas")
+    assert canvas.get_attribute("role") == "img"
+    assert "robot" in (canvas.get_attribute("aria-label") or "")
 
 
 @pytest.mark.parametrize("is_open", [False, True])
 @pytest.mark.parametrize("size", [*SIZES, (320, 568), (700, 520), (1000, 520)])
-def test_nothing_lies_on_something_else(
+def test_nothing_lies_on_something_else_nor_with_letters_of_twice_the_size(
     story: Watched, size: tuple[int, int], is_open: bool
 ) -> None:
     story.page.set_viewport_size({"width": size[0], "height": size[1]})
     story.run("(is) => openPanel(is)", is_open)
     check_cards(story)
-
-
-@pytest.mark.parametrize("is_open", [False, True])
-@pytest.mark.parametrize("size", SIZES)
-def test_so_it_is_with_letters_of_twice_the_size(
-    story: Watched, size: tuple[int, int], is_open: bool
-) -> None:
-    story.page.set_viewport_size({"width": size[0], "height": size[1]})
-    story.run("(is) => openPanel(is)", is_open)
-    story.run(TWICE)
-    try:
-        check_cards(story)
-    finally:
-        story.run("document.documentElement.style.fontSize = ''")
+    if size in SIZES:
+        story.run(TWICE)
+        try:
+            check_cards(story)
+        finally:
+            story.run("document.documentElement.style.fontSize = ''")
 
 
 def check_cards(story: Watched) -> None:
@@ -162,9 +158,3 @@ def test_where_motion_is_unwanted_it_waits_to_be_started(
     page.keyboard.press("3")
     assert page.evaluate("toBase(viewer.camera.position)[2] > 1.5")  # no flight
     page.close()
-
-
-def test_the_drawing_has_a_name(story: Watched) -> None:
-    canvas = story.page.locator("#view canvas")
-    assert canvas.get_attribute("role") == "img"
-    assert "robot" in (canvas.get_attribute("aria-label") or "")

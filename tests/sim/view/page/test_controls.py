@@ -9,30 +9,21 @@ from sim.recording.recording import Recording
 from tests.sim.conftest import Watched, red_pixels
 
 
-def test_space_on_loop_is_loops_own(story: Watched) -> None:
-    story.page.focus("#loop")
+@pytest.mark.parametrize(
+    ("control", "result"),
+    [
+        ("#loop", "!element('loop').checked && !replay.playing"),
+        ("#marks button.release", "replay.time > 0 && !replay.playing"),
+        ("#play", "replay.playing"),
+        ("#scrub", "replay.playing"),
+    ],
+)
+def test_space_on_a_control_is_its_own_and_plays_elsewhere(
+    story: Watched, control: str, result: str
+) -> None:
+    story.page.focus(control)
     story.page.keyboard.press("Space")
-    assert not story.page.is_checked("#loop")
-    assert not story.run("replay.playing")
-
-
-def test_space_on_a_mark_presses_it(story: Watched) -> None:
-    story.page.focus("#marks button.release")
-    story.page.keyboard.press("Space")
-    assert story.run("replay.time") > 0
-    assert not story.run("replay.playing")
-
-
-def test_space_on_the_play_button_plays_once(story: Watched) -> None:
-    story.page.focus("#play")
-    story.page.keyboard.press("Space")
-    assert story.run("replay.playing")
-
-
-def test_space_on_the_scrubber_plays(story: Watched) -> None:
-    story.page.focus("#scrub")
-    story.page.keyboard.press("Space")
-    assert story.run("replay.playing")
+    assert story.run(result)
 
 
 def test_marks_say_what_and_when(story: Watched) -> None:
@@ -54,12 +45,14 @@ def test_everything_is_reached_by_the_tab_key(story: Watched) -> None:
         assert control in reached
 
 
-def test_at_the_end_it_offers_to_play_again(story: Watched) -> None:
+def test_at_the_end_it_offers_to_play_again_at_the_same_speed(story: Watched) -> None:
+    story.page.select_option("#speed", "2")
     story.page.keyboard.press("End")
     assert story.page.inner_text("#play") == "Again"
     story.page.click("#play")
-    assert story.run("replay.playing")
-    assert story.run("replay.time < replay.duration")
+    assert story.run("replay.playing && replay.time < replay.duration")
+    assert story.run("replay.speed") == 2
+    story.page.select_option("#speed", "1")
 
 
 def test_layers_are_switched(story: Watched) -> None:
@@ -74,10 +67,6 @@ def test_layers_are_switched(story: Watched) -> None:
     assert red_pixels(story.picture()) < 200
     story.page.check("#layer-robot")
     assert red_pixels(story.picture()) > 5000
-
-
-def test_the_nearest_line_stays_hidden_when_its_layer_is_off(story: Watched) -> None:
-    story.page.click("#view-button")
     story.page.uncheck("#layer-nearest")
     story.run("replay.seek(2)")
     assert not story.run("nodeAt('/nearest').object.visible")
@@ -86,37 +75,33 @@ def test_the_nearest_line_stays_hidden_when_its_layer_is_off(story: Watched) -> 
 
 
 def test_the_views_close_by_escape_and_by_a_click_elsewhere(story: Watched) -> None:
-    story.page.click("#view-button")
-    assert story.page.is_visible("#views")
+    story.page.keyboard.press("v")
+    story.page.focus("#cameras button")
     story.page.keyboard.press("Escape")
     assert not story.page.is_visible("#views")
+    assert story.run("document.activeElement.id") == "view-button"
     story.page.click("#view-button")
+    assert story.page.is_visible("#views")
     story.page.mouse.click(480, 300)
     assert not story.page.is_visible("#views")
 
 
-def test_help_opens_by_question_mark_and_keeps_keys_to_itself(story: Watched) -> None:
+def test_help_keeps_keys_to_itself_and_names_every_colour_from_its_title_on(
+    story: Watched,
+) -> None:
+    story.page.set_viewport_size({"width": 844, "height": 300})
     story.page.keyboard.press("?")
     assert story.page.is_visible("#help")
+    assert story.run("element('help').scrollHeight > element('help').clientHeight")
+    assert story.run("element('help').scrollTop") == 0
     assert "Shift" in story.page.inner_text("#help")
+    text = story.page.inner_text("#help .legend")
+    for word in ("gripper empty", "holding", "still ahead", "nearest", "open", "moving", "missed"):
+        assert word in text
     story.page.keyboard.press("End")
     assert story.run("replay.time") == 0
     story.page.keyboard.press("Escape")
     assert not story.page.is_visible("#help")
-
-
-def test_help_begins_at_its_title_where_it_does_not_fit(story: Watched) -> None:
-    story.page.set_viewport_size({"width": 844, "height": 300})
-    story.page.keyboard.press("?")
-    assert story.run("element('help').scrollHeight > element('help').clientHeight")
-    assert story.run("element('help').scrollTop") == 0
-
-
-def test_escape_in_the_views_gives_the_focus_back(story: Watched) -> None:
-    story.page.keyboard.press("v")
-    story.page.focus("#cameras button")
-    story.page.keyboard.press("Escape")
-    assert story.run("document.activeElement.id") == "view-button"
 
 
 def test_the_time_line_tells_the_stage_under_the_cursor(
@@ -144,13 +129,6 @@ def test_marks_are_words_where_there_is_room(story: Watched) -> None:
     story.page.wait_for_function(f"!{dense}")
 
 
-def test_the_legend_names_every_colour(story: Watched) -> None:
-    story.page.click("#help-button")
-    text = story.page.inner_text("#help .legend")
-    for word in ("gripper empty", "holding", "still ahead", "nearest", "open", "moving", "missed"):
-        assert word in text
-
-
 def test_a_pause_is_announced_and_playing_is_not(story: Watched) -> None:
     story.run("write(element('announcer'), '')")
     story.run("replay.play()")
@@ -173,19 +151,11 @@ def test_the_block_is_not_of_the_grippers_colour(story: Watched, executed: Recor
     assert int(((g > 60) & (r < g / 3) & (b < g)).sum()) > 50
 
 
-def test_speed_is_kept_when_it_plays_again(story: Watched) -> None:
-    story.page.select_option("#speed", "2")
-    story.page.keyboard.press("End")
-    assert story.run("replay.speed") == 2
-    story.page.select_option("#speed", "1")
-
-
-@pytest.mark.parametrize("held", ["ctrlKey", "altKey", "metaKey"])
-def test_keys_of_the_browser_are_left_alone(story: Watched, held: str) -> None:
+def test_keys_of_the_browser_are_left_alone(story: Watched) -> None:
     story.run(
-        """(held) => ["p", "v", " "].forEach((key) => document.body.dispatchEvent(
-          new KeyboardEvent("keydown", {key, [held]: true, bubbles: true})))""",
-        held,
+        """() => ["ctrlKey", "altKey", "metaKey"].forEach((held) =>
+          ["p", "v", " "].forEach((key) => document.body.dispatchEvent(
+            new KeyboardEvent("keydown", {key, [held]: true, bubbles: true}))))"""
     )
     assert not story.page.is_visible("#panel")
     assert not story.page.is_visible("#views")

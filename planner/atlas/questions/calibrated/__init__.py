@@ -1,1 +1,0 @@
-"""What a map of one robot says of another that is calibrated a little differently."""

@@ -1,1 +1,0 @@
-"""The nearest pose that an arm reaches."""

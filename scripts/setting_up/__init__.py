@@ -1,1 +1,0 @@
-"""What `scripts/set_up.py` is made of: Python's own library alone, from Python 3.7 on."""

@@ -1,0 +1,51 @@
+"""Short runs of the scripts that measure."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from typing import Any
+
+import pytest
+
+motion: Any = importlib.import_module("measure_motion")
+ros1: Any = importlib.import_module("measure_ros1")
+
+
+def printed(capsys: pytest.CaptureFixture[str], words: str) -> str:
+    assert motion.main(words.split()) == 0
+    return capsys.readouterr().out
+
+
+def test_a_task_is_planned_verified_and_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    said = printed(capsys, "cycles --count 1")
+    assert "1 of 1 tasks have plans" in said
+    ratio = re.search(r"over the optimum: median (\S+),", said)
+    assert ratio is not None
+    assert 0.99 < float(ratio[1]) < 1.01
+
+
+@pytest.mark.campaign
+def test_plans_around_the_wall_keep_clear_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    clear_mm = [float(x) for x in re.findall(r"(\S+) mm clear", printed(capsys, "cycles --wall"))]
+    assert len(clear_mm) == 2
+    assert min(clear_mm) >= 2.0
+
+
+def test_a_line_takes_no_longer_than_by_other_means(capsys: pytest.CaptureFixture[str]) -> None:
+    said = printed(capsys, "lines --count 1 --segments 100")
+    norm, finer = (float(x) for x in re.findall(r"worst (\S+),", said))
+    assert norm < 1.01
+    assert 0.99 < finer < 1.01
+
+
+def test_every_definition_of_ros_has_the_sum_of_the_original() -> None:
+    rows = list(ros1.sums(0.0))
+    assert len(rows) == 20
+    assert all(row.is_met for row in rows), [row.what for row in rows if not row.is_met]
+
+
+def test_a_row_shows_its_verdict() -> None:
+    assert str(ros1.Row("rate", "100 Hz", "12 Hz", False)) == "| rate | 100 Hz | 12 Hz | FAIL |"
+    row = ros1.Row("/robot/state", "100 Hz", "100 Hz", True, "std_msgs/Bool", "R->C")
+    assert str(row) == "| /robot/state | std_msgs/Bool | R->C | 100 Hz | 100 Hz | pass |"
