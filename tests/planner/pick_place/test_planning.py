@@ -278,7 +278,7 @@ def test_refuses_invalid_arguments(
     manipulator: Manipulator, scene: Scene, changes: dict[str, Any], error: type[Exception]
 ) -> None:
     start = manipulator.arm.start
-    asked = {"manipulator": manipulator, "scene": scene, "q_start": start}
+    asked: dict[str, Any] = {"manipulator": manipulator, "scene": scene, "q_start": start}
     with pytest.raises(error):
         plan_pick_and_place(**{"task": TASK, **asked, **changes})
     if changes.keys() <= {"manipulator", "q_start", "margin_m"} and changes != {"q_start": None}:
