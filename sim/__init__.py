@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from sim.perception.pose_source import NoisyPoses as NoisyPoses
     from sim.perception.pose_source import PoseSource as PoseSource
     from sim.perception.pose_source import TruePoses as TruePoses
+    from sim.recording.formats.rsdk_csv import write_csv as write_csv
     from sim.recording.plot import plot_recording as plot_recording
     from sim.recording.record_file import read_recording as read_recording
     from sim.recording.record_file import save_recording as save_recording
     from sim.recording.recorder import Recorder as Recorder
     from sim.recording.recording import Recording as Recording
     from sim.recording.recording import play_back as play_back
-    from sim.recording.rsdk_csv import write_csv as write_csv
     from sim.simulation import Dwell as Dwell
     from sim.simulation import Outcome as Outcome
     from sim.simulation import Simulation as Simulation
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sim.view.live.viewer import Viewer as Viewer
     from sim.view.replay import Replay as Replay
     from sim.view.replay import write_replay as write_replay
-    from sim.workbench.task_result import TaskResult as TaskResult
+    from sim.workbench.workbench import TaskResult as TaskResult
     from sim.workbench.workbench import Workbench as Workbench
     from sim.world.gripper import Closing as Closing
     from sim.world.world import World as World
@@ -59,7 +59,7 @@ __all__, __getattr__ = lazy(
         "Simulation": "sim.simulation",
         "SimulationError": "sim.errors",
         "Snapshot": "sim.events",
-        "TaskResult": "sim.workbench.task_result",
+        "TaskResult": "sim.workbench.workbench",
         "TipTarget": "sim.view.live.tip_target",
         "Transfer": "sim.perception.closed_loop",
         "TruePoses": "sim.perception.pose_source",
@@ -70,7 +70,7 @@ __all__, __getattr__ = lazy(
         "plot_recording": "sim.recording.plot",
         "read_recording": "sim.recording.record_file",
         "save_recording": "sim.recording.record_file",
-        "write_csv": "sim.recording.rsdk_csv",
+        "write_csv": "sim.recording.formats.rsdk_csv",
         "write_replay": "sim.view.replay",
     },
 )

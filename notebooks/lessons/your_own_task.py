@@ -9,7 +9,7 @@ import numpy as np
 
 from lessons.answers import Mistake, exercise, instance, shown, stock_robot
 from planner import Move, Plan
-from sim.recording.rsdk_csv import read_csv
+from sim.recording.formats.rsdk_csv import read_csv
 from sim.workbench.workbench import Workbench
 
 TOWER = ("red", "green", "blue")

@@ -27,8 +27,8 @@ from baxter_kin import Baxter, ElectricGripper, IKService, ik
 from baxter_kin.ik.tolerance import Task
 from fuzzing.targets import CONSTRUCTIBLE, Target
 from planner.verification import Relation
+from sim.events import Sample
 from sim.ros1.definitions import message_type
-from sim.samples import Sample
 
 Strategy = st.SearchStrategy[Any]
 

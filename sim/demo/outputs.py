@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from planner import Plan
 from sim import Observer, Recorder, World
 from sim.demo.options import DemoOptions
+from sim.recording.formats.rsdk_csv import PlanCsvFile, warn_if_as_drawn
 from sim.recording.record_file import csv_recorder_of, recorder_of
-from sim.recording.rsdk_csv import PlanCsvFile, warn_if_as_drawn
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.view.live.viewer import Viewer

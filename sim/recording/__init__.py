@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
+    from sim.recording.formats.rsdk_csv import PlanCsvFile as PlanCsvFile
+    from sim.recording.formats.rsdk_csv import write_csv as write_csv
     from sim.recording.recorded_motion import ArmMotion as ArmMotion
     from sim.recording.recorded_motion import RecordedMove as RecordedMove
     from sim.recording.recording import Commands as Commands
     from sim.recording.recording import NotedRecording as NotedRecording
     from sim.recording.recording import fit_response as fit_response
-    from sim.recording.rsdk_csv import PlanCsvFile as PlanCsvFile
-    from sim.recording.rsdk_csv import write_csv as write_csv
 
 __all__, __getattr__ = lazy(
     __name__,
@@ -21,9 +21,9 @@ __all__, __getattr__ = lazy(
         "ArmMotion": "sim.recording.recorded_motion",
         "Commands": "sim.recording.recording",
         "NotedRecording": "sim.recording.recording",
-        "PlanCsvFile": "sim.recording.rsdk_csv",
+        "PlanCsvFile": "sim.recording.formats.rsdk_csv",
         "RecordedMove": "sim.recording.recorded_motion",
         "fit_response": "sim.recording.recording",
-        "write_csv": "sim.recording.rsdk_csv",
+        "write_csv": "sim.recording.formats.rsdk_csv",
     },
 )

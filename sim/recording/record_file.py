@@ -49,17 +49,17 @@ def recorder_of(path: Path, robot: Baxter, cleanup: ExitStack) -> Recorder:
 
 def csv_recorder_of(path: Path, robot: Baxter, cleanup: ExitStack) -> Recorder:
     """The same for the RSDK's CSV, whatever the suffix."""
+    from sim.recording.formats.rsdk_csv import CsvFile
     from sim.recording.recorder import Recorder
-    from sim.recording.rsdk_csv import CsvFile
 
     return cleanup.enter_context(Recorder(robot, CsvFile(path, robot.joint_names), keep=1))
 
 
 def open_record(path: PathLike, builder: RecordingBuilder) -> RecordFile:
     """Open the file that a recorder writes; a bag is made of its builder at the end."""
-    from sim.recording.bag_file import BagAtEnd
-    from sim.recording.mcap_file import McapFile
-    from sim.recording.rsdk_csv import CsvFile
+    from sim.recording.formats.bag_file import BagAtEnd
+    from sim.recording.formats.mcap_file import McapFile
+    from sim.recording.formats.rsdk_csv import CsvFile
 
     file = _with_suffix(path, RECORD_SUFFIXES)
     if file.suffix.lower() == ".bag":
@@ -80,10 +80,10 @@ def save_recording(recording: Recording, path: PathLike) -> None:
         RecordingError: when the suffix is another one, or the file cannot be written.
     """
     from baxter_kin.validation import expect
-    from sim.recording.bag_file import write_bag
-    from sim.recording.mcap_file import write_mcap
+    from sim.recording.formats.bag_file import write_bag
+    from sim.recording.formats.mcap_file import write_mcap
+    from sim.recording.formats.rsdk_csv import write_csv
     from sim.recording.recording import Recording
-    from sim.recording.rsdk_csv import write_csv
 
     expect(recording, Recording, "recording", RecordingError)
     file = _with_suffix(path, RECORD_SUFFIXES)
@@ -99,8 +99,8 @@ def read_recording(
 
     MCAP files that `save_recording` or a `Recorder` wrote have everything. Of MCAP files with
     messages of ROS 1 and of bags, joints, grippers and events are read
-    (`sim.recording.joint_states`), and of the RSDK's CSV joints and grippers
-    (`sim.recording.rsdk_csv`).
+    (`sim.recording.formats.joint_states`), and of the RSDK's CSV joints and grippers
+    (`sim.recording.formats.rsdk_csv`).
 
     Args:
         path: the file, in the format of its suffix: .mcap, .csv, .bag; deprecated are .npz and
@@ -115,10 +115,10 @@ def read_recording(
     """
     from baxter_kin.kinematics.robot import given_or_stock
     from baxter_kin.validation import expect
-    from sim.recording.bag_file import read_bag
-    from sim.recording.mcap_file import read_mcap
-    from sim.recording.old_files import read_log, read_npz
-    from sim.recording.rsdk_csv import read_csv
+    from sim.recording.formats.bag_file import read_bag
+    from sim.recording.formats.mcap_file import read_mcap
+    from sim.recording.formats.old_files import read_log, read_npz
+    from sim.recording.formats.rsdk_csv import read_csv
 
     known = given_or_stock(robot, RecordingError)
     file = _with_suffix(path, READ_SUFFIXES)

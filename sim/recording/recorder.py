@@ -19,11 +19,10 @@ from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, whole_scalar
 from planner import Body, Plan, RobotBody, Scene, State
 from sim.errors import RecordingError
-from sim.events import Event, Snapshot
+from sim.events import Event, Sample, SampleObserver, Snapshot
 from sim.recording.record_file import open_record
 from sim.recording.recorded_motion import RecordedMove, recorded_move
 from sim.recording.recording import Caption, Entry, RecordedSample, Recording, Row
-from sim.samples import Sample, SampleObserver
 from sim.simulation import Simulation
 from sim.world.world import World
 

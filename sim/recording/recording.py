@@ -60,7 +60,7 @@ class Caption:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedSample:
-    """A `sim.samples.Sample` as it is kept; old files have its first four values only."""
+    """A `sim.events.Sample` as it is kept; old files have its first four values only."""
 
     limb: str
     time_s: float

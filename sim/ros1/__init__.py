@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
+    from sim.events import Sample as Sample
+    from sim.events import SampleObserver as SampleObserver
     from sim.ros1.execution.execution import RosExecutor as RosExecutor
     from sim.ros1.execution.link import BaxterLink as BaxterLink
     from sim.ros1.execution.readiness import ExecutionOptions as ExecutionOptions
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from sim.ros1.robot.arm_motion import Follow as Follow
     from sim.ros1.robot.arm_motion import Following as Following
     from sim.ros1.robot.ros_robot import RosRobot as RosRobot
-    from sim.samples import Sample as Sample
-    from sim.samples import SampleObserver as SampleObserver
 
 __all__, __getattr__ = lazy(
     __name__,
@@ -34,8 +34,8 @@ __all__, __getattr__ = lazy(
         "Pace": "sim.ros1.execution.set_points",
         "RosExecutor": "sim.ros1.execution.execution",
         "RosRobot": "sim.ros1.robot.ros_robot",
-        "Sample": "sim.samples",
-        "SampleObserver": "sim.samples",
+        "Sample": "sim.events",
+        "SampleObserver": "sim.events",
         "StopCause": "sim.ros1.execution.stops",
     },
 )

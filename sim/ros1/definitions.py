@@ -7,7 +7,7 @@ control_msgs of ROS Noetic.
 
 from __future__ import annotations
 
-from sim.recording.joint_states import ROBOT_MESSAGES
+from sim.recording.formats.joint_states import ROBOT_MESSAGES
 from sim.ros1_messages import MessageType, MessageTypes, ServiceType
 
 _STAMPED_GOAL = "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\n"

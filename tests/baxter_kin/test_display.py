@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -8,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from baxter_kin import BaxterError, Tolerance, Tool
+from baxter_kin.description.urdf import ShapeKind, UrdfShape
 from baxter_kin.display import (
     MAX_QUOTE,
     count,
@@ -22,6 +25,7 @@ from baxter_kin.display import (
     side_of,
 )
 from baxter_kin.errors import FileError
+from tests.conftest import at
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
@@ -99,6 +103,9 @@ def test_joints_of_one_side_are_told_by_it_and_others_counted() -> None:
     assert side_of([]) == "0 joints"
 
 
+BALL = UrdfShape(ShapeKind.SPHERE, (0.02,))
+
+
 def test_lengths_of_a_workcell_in_millimetres_are_asked_about() -> None:
     assert millimetres_hint(700.0, 150.0, -129.0) == (
         "; are these millimetres? Lengths are in metres: 700 mm is 0.7 m"
@@ -121,3 +128,16 @@ def test_angles_in_degrees_are_asked_about() -> None:
 @given(st.floats(-math.tau, math.tau) | st.floats(min_value=360.1) | st.floats(max_value=-360.1))
 def test_no_other_angle_is(angle: float) -> None:
     assert degrees_hint(angle) == degrees_hint(0.0, angle) == ""
+
+
+@pytest.mark.parametrize(
+    ("call", "question"),
+    [
+        (lambda: Tolerance(rotation_rad=(5.0, 5.0, 5.0)), "degrees? .* 5 deg is 0.08727 rad"),
+        (lambda: Tolerance(tilt_rad=5.0), "degrees? .* 5 deg is 0.08727 rad"),
+        (lambda: Tool((BALL,), at(0.0, 0.0, 150.0)), "millimetres? .* 150 mm is 0.15 m"),
+    ],
+)
+def test_doors_ask_about_values_in_another_unit(call: Callable[[], object], question: str) -> None:
+    with pytest.raises(BaxterError, match=question.replace("?", r"\?")):
+        call()

@@ -56,6 +56,7 @@ def here(command: str, instead: Mapping[str, str], *more: str) -> list[str]:
     return [sys.executable, "-m", "dask", *words, *more]
 
 
+@pytest.mark.campaign  # five processes; `DaskCluster` is tested with a cluster in one
 def test_workers_of_page_and_job_script_make_the_bytes_of_one_process(
     robot: Baxter, tmp_path: Path
 ) -> None:

@@ -15,14 +15,29 @@ MADE = ("notebooks", "stories")
 ZARR = ("where_to_put_the_table",)
 """Pages whose programs need it, and it Python 3.11."""
 
+LONG = (
+    "tutorial",
+    "plan_around_obstacles",
+    "proofs",
+    "record_and_replay",
+    "watch_live",
+    "atlas_on_a_cluster",
+    "where_to_put_the_table",
+)
+"""Pages whose programs take seconds; each of their steps is tested where it belongs."""
+
 PAGES = [
-    page
+    pytest.param(
+        page,
+        id=str(page.relative_to(DOCS)),
+        marks=[pytest.mark.campaign] if page.stem in LONG else [],
+    )
     for page in sorted(DOCS.rglob("*.md"))
     if page.relative_to(DOCS).parts[0] not in MADE and any(snippets_of(page))
 ]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.parametrize("page", PAGES)
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 def test_programs_print_what_the_page_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -38,7 +53,7 @@ def test_programs_print_what_the_page_says(
             assert printed == snippet.printed
 
 
-@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
-def test_no_program_is_overlooked(page: Path) -> None:
-    fences = [line for line in page.read_text("utf-8").splitlines() if "```py" in line]
-    assert fences == ["```python"] * len(list(snippets_of(page)))
+def test_no_program_is_overlooked() -> None:
+    for page in DOCS.rglob("*.md"):
+        fences = [line for line in page.read_text("utf-8").splitlines() if "```py" in line]
+        assert fences == ["```python"] * len(list(snippets_of(page))), page

@@ -39,4 +39,4 @@ def read_collada(path: Path) -> tuple[FloatArray, Indices]:
     found = np.concatenate(corners) * (document.assetInfo.unitmeter or 1.0)
     is_flat = (found == found[:, [1, 2, 0]]).all(axis=2).any(axis=1)
     vertices = found[~is_flat].reshape(-1, 3)
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+    return vertices, np.arange(len(vertices), dtype=np.intp).reshape(-1, 3)

@@ -211,29 +211,25 @@ class ReachProof:
         cls,
         bound: str,
         excess_m: float,
-        wrist: FloatArray,
+        point: FloatArray,
         names: Mapping[str, str],
         length_m: float = 0.0,
+        *,
+        of_position: bool = False,
     ) -> ReachProof:
-        """The proof by a bound for a pose.
+        """The proof by a bound for a pose, or for a position in any orientation.
 
         Args:
             bound: its name.
             excess_m: as of the proof.
-            wrist: position of the wrist for the pose, seen from base, shape (3,), m.
+            point: position of the wrist for a pose, or of the tip, seen from base, shape (3,), m.
             names: the arm's joint names by their short ones, such as "s1".
             length_m: the length of a span or fold.
+            of_position: whether it is that of a position.
         """
-        clause = _OF_POSES[bound].format(excess=_length(excess_m), length_m=length_m, **names)
-        return cls(excess_m, bound, f"{clause}, with the wrist at {_words(wrist)}")
-
-    @classmethod
-    def of_position(
-        cls, bound: str, excess_m: float, tip: FloatArray, names: Mapping[str, str], length_m: float
-    ) -> ReachProof:
-        """The same for a position of the tip, seen from base, shape (3,), m."""
-        clause = _OF_POSITIONS[bound].format(excess=_length(excess_m), length_m=length_m, **names)
-        return cls(excess_m, bound, f"{clause}, with the tip at {_words(tip)}")
+        clauses, what = (_OF_POSITIONS, "tip") if of_position else (_OF_POSES, "wrist")
+        clause = clauses[bound].format(excess=_length(excess_m), length_m=length_m, **names)
+        return cls(excess_m, bound, f"{clause}, with the {what} at {_words(point)}")
 
 
 def _words(p_base: FloatArray) -> str:
@@ -301,7 +297,7 @@ class ReachBound:
         if excess_m <= 0.0:
             return None
         tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
-        proof = ReachProof.of_position(bound, excess_m, p_base_tip, self._names, length_m)
+        proof = ReachProof.of(bound, excess_m, p_base_tip, self._names, length_m, of_position=True)
         return proof.less(self._leeway_m + tool_m)
 
     def proof_of_wrist(self, T_base_tip: pin.SE3) -> ReachProof | None:

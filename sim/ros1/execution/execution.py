@@ -23,7 +23,7 @@ from planner import Grip, GripperAction, Move, Plan
 from planner.completion import state_of
 from planner.motion.tracking_tube import SETTLED_RAD
 from sim.errors import SimulationError
-from sim.events import EventKind, Observer
+from sim.events import EventKind, Observer, Sample
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
 from sim.ros1.execution.guard import MoveClearance, PathGuard
 from sim.ros1.execution.link import ArmReading, BaxterLink
@@ -45,7 +45,6 @@ from sim.ros1.execution.set_points import (
 )
 from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
-from sim.samples import Sample
 from sim.simulation import Outcome
 
 ENABLE_S, ENABLE_HZ = 5.0, 20.0

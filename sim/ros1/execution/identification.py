@@ -18,13 +18,12 @@ from planner import Manipulator, Move, Plan, Response, Scene, fit_response, plan
 from planner.clearance import ContinuousProof
 from planner.state import State
 from sim.errors import RosError, SimulationError
-from sim.events import Event, EventKind
+from sim.events import Event, EventKind, Sample, SampleObserver
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import ExecutionOptions, described_robot, measured_joints
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
-from sim.samples import Sample, SampleObserver
 
 STEP_RAD = 0.2
 """How far each joint moves: less does not tell a lag from noise, more comes too far around."""

@@ -22,8 +22,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from planner import Grip, GripperAction, Move
 from planner.grasping.hand import reported_finger_m
 from planner.state import State
-from sim.events import EventKind, Observer, opening_text
-from sim.samples import Sample, SampleObserver
+from sim.events import EventKind, Observer, Sample, SampleObserver, opening_text
 from sim.timeline import Timeline
 from sim.world.gripper import GripperState
 from sim.world.world import World

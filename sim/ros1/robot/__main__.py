@@ -161,7 +161,7 @@ def _stopped(options: RobotOptions, signals: Signals) -> int:
 def _served(options: RobotOptions, end: threading.Event) -> str | None:
     """Serve until a signal ends it, which gives None, or until something else does: why."""
     from sim.ros1.master import Master  # noqa: PLC0415
-    from sim.ros1.robot.startup import furniture  # noqa: PLC0415
+    from sim.ros1.robot.gazebo import furniture  # noqa: PLC0415
 
     with ExitStack() as cleanup:
         uri = None
@@ -188,8 +188,8 @@ def _robot(options: RobotOptions, uri: str | None, cleanup: ExitStack) -> RosRob
     from baxter_kin import Baxter  # noqa: PLC0415
     from sim import World  # noqa: PLC0415
     from sim.ros1.robot.arm_motion import Follow, Following  # noqa: PLC0415
+    from sim.ros1.robot.gazebo import start_rad  # noqa: PLC0415
     from sim.ros1.robot.ros_robot import RosRobot  # noqa: PLC0415
-    from sim.ros1.robot.startup import start_rad  # noqa: PLC0415
 
     world = World(Baxter.load(options.urdf, hands=options.hands))
     return RosRobot(

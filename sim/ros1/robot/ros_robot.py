@@ -20,11 +20,10 @@ from sim.ros1.definitions import message_type
 from sim.ros1.node import Node
 from sim.ros1.robot.arm_motion import Following
 from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
-from sim.ros1.robot.diagnostics import Diagnostics
 from sim.ros1.robot.gazebo import DELETE, SPAWN, Models
 from sim.ros1.robot.position_ik import TYPE, PositionIK
 from sim.ros1.robot.publishers import Publishers
-from sim.ros1.robot.subscribers import Subscribers
+from sim.ros1.robot.subscribers import Diagnostics, Subscribers
 from sim.ros1.transport import addresses
 from sim.world.world import World
 

@@ -6,7 +6,8 @@ sender.
 
 from __future__ import annotations
 
-from collections import deque
+import math
+from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
@@ -15,7 +16,6 @@ from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.node import Node, Received
 from sim.ros1.robot.arm_motion import BadOrderError
 from sim.ros1.robot.baxter import SimulatedBaxter
-from sim.ros1.robot.diagnostics import Diagnostics
 from sim.ros1.robot.gripper import GripperOrder
 from sim.ros1_messages import Message
 
@@ -26,8 +26,51 @@ PRESS_TOPIC = "/robot/sim/press"
 MAX_WAITING = 10_000
 """Messages that may wait for a tick; beyond that the oldest are dropped."""
 
+MIN_PERIOD_S = 1.0
+"""Between two reports on one topic and sender."""
+
+MAX_KNOWN = 1000
+"""Number of topics and senders that are remembered, as senders may have any names."""
+
 Act = Callable[[Message], object]
 """Executes a message; returns a phrase for each value that was clipped, if any."""
+
+
+class Diagnostics:
+    """Invalid messages so far.
+
+    Attributes:
+        counts: how many, by topic.
+    """
+
+    def __init__(self, report: Callable[[str], object]) -> None:
+        """Begin without any; `report` is called with each line of text."""
+        self.counts: Counter[str] = Counter()
+        self._report = report
+        self._reported_s: dict[tuple[str, str], float] = {}
+        self._unreported: Counter[tuple[str, str]] = Counter()
+
+    def add(self, topic: str, sender: str, text: str, time_s: float) -> None:
+        """Count an invalid message, and report it unless the last report was just before.
+
+        Args:
+            topic: the topic of the message.
+            sender: the node that sent it.
+            text: what is wrong.
+            time_s: now.
+        """
+        self.counts[topic] += 1
+        key = topic, sender
+        if time_s - self._reported_s.get(key, -math.inf) < MIN_PERIOD_S:
+            self._unreported[key] += 1
+            return
+        if len(self._reported_s) >= MAX_KNOWN:
+            self._reported_s.clear()
+            self._unreported.clear()
+        self._reported_s[key] = time_s
+        more = self._unreported.pop(key, 0)
+        since = f" ({more} more since the last time)" if more else ""
+        self._report(f"{topic} from {sender or 'nobody'}: {text}{since}")
 
 
 class Subscribers:

@@ -348,6 +348,10 @@ def test_refuses_invalid_arguments(free: Stage, swing: Trajectory, robot: Baxter
         ("trajectory", Trajectory.stay(np.full(7, 1e9), swing.limits), TrajectoryError),
     ]
     for name, given_, error in asked:
-        arguments = {"checker": free.checker, "trajectory": swing, "q": free.full(np.zeros(7))}
+        arguments: dict[str, Any] = {
+            "checker": free.checker,
+            "trajectory": swing,
+            "q": free.full(np.zeros(7)),
+        }
         with pytest.raises(error):
             prove_clear(**{**arguments, name: given_})

@@ -16,7 +16,7 @@ HAND = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.06, 0.06) for z i
 BAR = np.array([[x, y, z] for x in (-3.0, 0.2) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
 """A body that reaches 3 m beyond the tip: farther than the arm itself."""
 
-PLACES = 15
+PLACES = 60
 
 NUMERICS_M = 1e-9
 """Tolerance for rounding."""
@@ -56,7 +56,7 @@ def test_no_hand_in_a_box_deviates_by_more(
     left: Arm, move: Trajectory, points: FloatArray, wide_rad: float
 ) -> None:
     rng, deviation = np.random.default_rng(1), PathDeviation(left, move, points)
-    path = path_of(left, move, np.linspace(0.0, move.duration, 500), points)
+    path = path_of(left, move, np.linspace(0.0, move.duration, 1500), points)
     size = 1.0 + float(np.linalg.norm(points, axis=1).max())
     for share in (0.0, 0.3, 0.7, 1.0):
         middle = move.sample(share * move.duration).q + rng.uniform(-0.02, 0.02, 7)

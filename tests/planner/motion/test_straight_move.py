@@ -371,7 +371,10 @@ def test_a_tenth_of_a_millimetre_beside_a_singularity_is_straight_too(
     assert off_rad <= STRAIGHT_RAD
 
 
-@pytest.mark.parametrize(("name", "joint", "share"), [("v_max", 3, 1e-4), ("a_max", 1, 1e-3)])
+@pytest.mark.parametrize(
+    ("name", "joint", "share"),
+    [pytest.param("v_max", 3, 1e-4, marks=pytest.mark.campaign), ("a_max", 1, 1e-3)],
+)
 def test_a_joint_that_hardly_moves_makes_it_slow_and_is_no_reason_to_refuse(
     left: Arm, name: str, joint: int, share: float
 ) -> None:

@@ -47,11 +47,11 @@ def test_a_height_beyond_what_is_measured_is_refused(
     manipulator: Manipulator, height_m: Any
 ) -> None:
     q, T = manipulator.arm.neutral, pin.SE3.Identity()
-    with pytest.raises(TaskError, match="height_m must be"):
+    with pytest.raises(TaskError, match="height_m"):
         plan_retract(manipulator, Scene.of(), q, height_m)
-    with pytest.raises(TaskError, match="hover distance must be"):
+    with pytest.raises(TaskError, match="hover distance"):
         PickAndPlace("block", T, T, hover_m=height_m)
-    with pytest.raises(TaskError, match="clear height must be"):
+    with pytest.raises(TaskError, match="clear height"):
         PickAndPlace("block", T, T, clear_m=height_m)
 
 

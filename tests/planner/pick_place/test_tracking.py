@@ -43,7 +43,7 @@ SLOW = Response((0.35, 0.45), 0.001, 0.3)
 FULL = Response((0.35, 0.45), 0.001, 1.0)
 
 STEP_S = 5e-3
-CHECKED_STEPS = 12
+CHECKED_STEPS = 24
 BLOCK_BELOW_M = 0.02
 """Distance below the tip that is inside the held block."""
 
@@ -139,7 +139,7 @@ def test_simulated_arms_never_come_nearer_than_proven(
     rng = np.random.default_rng(0)
     contexts = move_contexts(tracked_plan, manipulator)
     tips = [_tips(joined([move.trajectory]), manipulator) for move in tracked_plan.moves]
-    for _ in range(3):
+    for _ in range(2):
         smallest_m = dict.fromkeys(range(len(contexts)), np.inf)
         for step, (number, q) in enumerate(followed(tracked_plan, SLOW, rng)):
             if step % CHECKED_STEPS:

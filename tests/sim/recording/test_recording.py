@@ -28,8 +28,8 @@ from sim import (
     save_recording,
 )
 from sim.errors import RecordingError
+from sim.events import Sample, SampleObserver
 from sim.recording import fit_response
-from sim.samples import Sample, SampleObserver
 from sim.world.gripper import NO_GRIPPER
 from tests.conftest import at
 from tests.sim.conftest import POSE, assert_same

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import plan_joint_move
+from sim.events import Sample
 from sim.ros1.execution.execution import deviation_of
-from sim.samples import Sample
 
 CHORD_M = 1e-4
 """Between two set-points the tip's way is taken to be straight."""

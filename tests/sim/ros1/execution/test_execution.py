@@ -16,13 +16,13 @@ from baxter_kin.validation import FloatArray
 from planner import Grip, Plan, PlanFailure
 from sim import EventKind, Observer, Recorder, Snapshot
 from sim.errors import RecordingError, SimulationError
+from sim.events import Sample, SampleObserver
 from sim.ros1.definitions import message_type
 from sim.ros1.execution.channel import ArmChannel
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
-from sim.samples import Sample, SampleObserver
 from sim.simulation import Dwell
 from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import FAST, Network, networked

@@ -17,8 +17,8 @@ from planner.scene.contact import PRESSING_TOLERANCE_M
 from sim import EventKind, World
 from sim.ros1.robot.arm_motion import BadOrderError
 from sim.ros1.robot.baxter import MAX_TICKS, SimulatedBaxter
+from sim.ros1.robot.gazebo import GAZEBO_START_RAD, furniture, start_rad
 from sim.ros1.robot.gripper import GripperOrder
-from sim.ros1.robot.startup import GAZEBO_START_RAD, furniture, start_rad
 from sim.world import contacts
 from tests.conftest import at, overhead
 from tests.sim.runs import Witness

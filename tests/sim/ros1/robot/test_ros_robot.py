@@ -15,9 +15,9 @@ from sim import EventKind, World
 from sim.errors import RosError
 from sim.ros1.master import Master
 from sim.ros1.node import Node
+from sim.ros1.robot.gazebo import start_rad
 from sim.ros1.robot.panel import INPUTS, NAVIGATORS, OUTPUTS
 from sim.ros1.robot.ros_robot import NAME, RosRobot
-from sim.ros1.robot.startup import start_rad
 from tests.conftest import overhead
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.robot.client import CORE, IK, Client

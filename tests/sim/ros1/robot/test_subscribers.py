@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,8 @@ from sim import World
 from sim.ros1.definitions import message_type
 from sim.ros1.node import Received
 from sim.ros1.robot.baxter import SimulatedBaxter
-from sim.ros1.robot.diagnostics import Diagnostics
 from sim.ros1.robot.panel import OUTPUTS, PRESSABLE
-from sim.ros1.robot.subscribers import Subscribers
+from sim.ros1.robot.subscribers import MAX_KNOWN, Diagnostics, Subscribers
 
 SPEEDS = np.array([2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0])
 ROUNDING = 1e-9
@@ -151,3 +151,41 @@ def test_what_nobody_waits_for_any_more_is_not_done(robot: Baxter, block: Body) 
     done.cancel()
     bench.subscribers.process()
     assert not bench.baxter.world.scene.bodies
+
+
+TIMES = st.lists(st.floats(0.0, 100.0), min_size=1).map(sorted)
+
+
+@given(TIMES)
+def test_invalid_messages_are_all_counted_and_reported_once_a_second(times: list[float]) -> None:
+    reports: list[str] = []
+    diagnostics = Diagnostics(reports.append)
+    reported_s: list[float] = []
+    for time_s in times:
+        before = len(reports)
+        diagnostics.add("/topic", "/sender", "left_s0 = nan", time_s)
+        reported_s += [time_s] * (len(reports) - before)
+    assert diagnostics.counts["/topic"] == len(times)
+    assert reports[0] == "/topic from /sender: left_s0 = nan"
+    assert reported_s[0] == times[0]
+    assert all(later - earlier >= 1.0 for earlier, later in pairwise(reported_s))
+
+
+def test_another_sender_is_reported_at_once_and_what_was_left_out_is_counted() -> None:
+    reports: list[str] = []
+    diagnostics = Diagnostics(reports.append)
+    for sender, time_s in (("/a", 0.0), ("/a", 0.1), ("/a", 0.2), ("/b", 0.3), ("/a", 1.5)):
+        diagnostics.add("/topic", sender, "bad", time_s)
+    assert reports == [
+        "/topic from /a: bad",
+        "/topic from /b: bad",
+        "/topic from /a: bad (2 more since the last time)",
+    ]
+
+
+def test_any_number_of_senders_takes_no_more_memory() -> None:
+    diagnostics = Diagnostics(lambda _: None)
+    for number in range(3 * MAX_KNOWN):
+        diagnostics.add("/topic", f"/sender_{number}", "bad", 0.0)
+    assert len(diagnostics._reported_s) <= MAX_KNOWN
+    assert diagnostics.counts.total() == 3 * MAX_KNOWN

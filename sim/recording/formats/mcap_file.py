@@ -12,7 +12,7 @@ the shortest text that reads back as the same number. Topics:
 | `/captions` | `baxter_kin.Caption` | what is going on, where it changes |
 | `/events` | `baxter_kin.Event` | what happened, with its details and the planned move |
 | `/moves` | `baxter_kin.Move` | label, exact trajectory, IK result and contacts of a move |
-| `/samples` | `baxter_kin.Sample` | what a robot was sent and measured (`sim.samples.Sample`) |
+| `/samples` | `baxter_kin.Sample` | what a robot was sent and measured (`sim.events.Sample`) |
 
 Times of messages are whole nanoseconds, and `time_s` is exact. A metadata record named `FORMAT` has
 version, joint names, recorded limbs and the robot's identity. Chunks reach the system when they are
@@ -55,7 +55,7 @@ from planner.scene.bodies import Attachment
 from sim.errors import RecordingError
 from sim.events import Detail, Event, EventKind
 from sim.files import Output, opened
-from sim.recording.joint_states import (
+from sim.recording.formats.joint_states import (
     NANOSECONDS,
     READ,
     JointMessages,

@@ -34,8 +34,9 @@ from sim import (
     save_recording,
 )
 from sim.errors import RecordingError
-from sim.recording import RecordedMove, mcap_file
-from sim.recording.mcap_file import SCHEMAS
+from sim.recording import RecordedMove
+from sim.recording.formats import mcap_file
+from sim.recording.formats.mcap_file import SCHEMAS
 from sim.recording.recording import RecordedSample
 from sim.view.replay import replay_html
 from sim.world.contacts import Contact

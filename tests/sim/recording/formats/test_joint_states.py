@@ -17,7 +17,7 @@ from baxter_kin import Arm, Baxter
 from sim import Recorder, Recording, play_back, plot_recording, read_recording
 from sim.errors import RecordingError
 from sim.recording import NotedRecording
-from sim.recording.joint_states import MAX_LATENESS_S, SPEED_FACTOR
+from sim.recording.formats.joint_states import MAX_LATENESS_S, SPEED_FACTOR
 from sim.view.replay import write_replay
 from tests.sim.recording.bags import (
     ARMS,

@@ -37,7 +37,7 @@ from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.errors import RecordingError
 from sim.files import Line, opened, read_lines
-from sim.recording.mcap_file import StoredEvent, unknown_bodies
+from sim.recording.formats.mcap_file import StoredEvent, unknown_bodies
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recorder import RecordingBuilder
 from sim.recording.recording import Caption, NotedRecording, RecordedSample, Recording, Row

@@ -29,9 +29,9 @@ from sim import (
     save_recording,
 )
 from sim.errors import RecordingError
-from sim.recording import bag_file
-from sim.recording.bag_file import nanoseconds
-from sim.recording.joint_states import GRIPPER_STATE, message_type
+from sim.recording.formats import bag_file
+from sim.recording.formats.bag_file import nanoseconds
+from sim.recording.formats.joint_states import GRIPPER_STATE, message_type
 from sim.recording.recording import RecordedSample
 from sim.ros1_messages import MessageTypes
 from tests.sim.recording import bags
@@ -204,7 +204,7 @@ def test_without_the_package_the_error_says_what_to_install(
     robot: Baxter, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    monkeypatch.setattr("sim.recording.joint_states._TYPES", MessageTypes())
+    monkeypatch.setattr("sim.recording.formats.joint_states._TYPES", MessageTypes())
     with pytest.raises(RecordingError, match="pip install rosbags"):
         Recorder(robot, path)
     assert not path.exists()

@@ -22,8 +22,8 @@ from planner.scene.bodies import Attachment
 from planner.state import State
 from sim import Recorder, Recording, Simulation, World, read_recording, save_recording, write_csv
 from sim.errors import RecordingError
-from sim.recording.joint_states import LIMIT_SLACK_RAD
-from sim.recording.rsdk_csv import STROKE_M, TRAVEL_S, CsvFile, PlanCsvFile, csv_header
+from sim.recording.formats.joint_states import LIMIT_SLACK_RAD
+from sim.recording.formats.rsdk_csv import STROKE_M, TRAVEL_S, CsvFile, PlanCsvFile, csv_header
 from sim.simulation import ROBOT_DWELL_S
 from sim.view.replay import write_replay
 from tests.conftest import state_at

@@ -48,7 +48,7 @@ from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
-from sim.recording.joint_states import Rows, noted_recording
+from sim.recording.formats.joint_states import Rows, noted_recording
 from sim.recording.recorder import RecordFile
 from sim.recording.recording import Entry, NotedRecording, Recording, Row, entries_of
 from sim.simulation import MAX_DWELL_S, ROBOT_DWELL_S
@@ -262,8 +262,8 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
     A recording is written as it happened, of one arm alone when no more was recorded. A plan is
     written as it is commanded, at 100 Hz, its grippers with dwells: for
     `joint_trajectory_file_playback.py`, planned at a speed ratio of at most 0.25
-    (`sim.recording.rsdk_csv` states why). A plan for Baxter as it is drawn is written with a
-    warning in the log.
+    (`sim.recording.formats.rsdk_csv` states why). A plan for Baxter as it is drawn is written with
+    a warning in the log.
 
     Args:
         what: what to write.
@@ -335,7 +335,7 @@ def read_csv(path: Path, robot: Baxter) -> NotedRecording:
     Raises:
         RecordingError: when the file cannot be read, is empty or no text, lacks the time or a
             joint's column, or has a row that is malformed or cannot be of a Baxter's joints
-            (`sim.recording.joint_states`); says which line.
+            (`sim.recording.formats.joint_states`); says which line.
     """
     table = _read_table(path, read_lines(path))
     percent = {

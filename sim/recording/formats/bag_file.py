@@ -34,7 +34,7 @@ from baxter_kin.validation import FloatArray, finite_scalar
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.files import explained, opened, replace_file
-from sim.recording.joint_states import (
+from sim.recording.formats.joint_states import (
     EVENTS,
     JOINT_COMMAND,
     JOINT_STATE,
