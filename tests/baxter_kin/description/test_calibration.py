@@ -54,42 +54,48 @@ def with_joint(text: str, parent: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("joint", "pattern", "by", "reason"),
     [
-        *(
-            changed(served(), joint, pattern, by)
-            for joint, pattern, by in (
-                ("left_s1", XYZ, 'origin rpy="-1.5708 0 0" xyz="0.069 0 0.23"'),
-                ("left_e1", RPY, 'rpy="-1.57 -1.50 0"'),
-                ("left_e1", AXIS, 'axis xyz="0 0.1 1"'),
-                ("left_e1", AXIS, 'axis xyz="0 0 -1"'),
-                ("left_e1", "revolute", "prismatic"),
-                ("left_e1", "revolute", "continuous"),
-                ("left_e1", "revolute", "fixed"),
-                ("pedestal_fixed", '"fixed"', '"revolute"'),
-                ("head_pan", '"torso"', '"left_wrist"'),
-                ("head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.06 0 0.9"'),
-                ("left_s1", 'lower="[^"]*"', 'lower="2"'),
-                ("left_s1", 'lower="[^"]*"', 'lower="nan"'),
-                ("left_hand_camera_joint", '"left_hand"', '"left_wrist"'),
-            )
-        ),
-        "<robot name='x'><link name='base'/></robot>",
-        '<robot name="x"><link name="base"/><joint name="arm_1" type="continuous"/></robot>',
-        without(served(), "left_w2"),
-        without(served(), "l_gripper_l_finger_joint"),
-        with_joint(served(), "torso"),
-        with_joint(served(), "left_hand"),
-        "this is no XML",
-        "<this is no XML",
-        b"",
+        ("left_s1", XYZ, 'origin rpy="-1.5708 0 0" xyz="0.069 0 0.23"', "lies 40.3 mm"),
+        ("left_e1", RPY, 'rpy="-1.57 -1.50 0"', "left_e1 is turned 71 mrad"),
+        ("left_e1", AXIS, 'axis xyz="0 0.1 1"', "axis of its joint left_e1 is turned 100"),
+        ("left_e1", AXIS, 'axis xyz="0 0 -1"', "turned 3142 mrad"),
+        ("left_e1", "revolute", "prismatic", "left_e1 is prismatic"),
+        ("left_e1", "revolute", "continuous", "'continuous'"),
+        ("left_e1", "revolute", "fixed", "left_e1 is fixed"),
+        ("pedestal_fixed", '"fixed"', '"revolute"', "has no <limit>"),
+        ("head_pan", '"torso"', '"left_wrist"', "head_pan is on left_w2"),
+        ("head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.06 0 0.9"', "head_pan lies 214.0 mm"),
+        ("left_s1", 'lower="[^"]*"', 'lower="2"', "empty range"),
+        ("left_s1", 'lower="[^"]*"', 'lower="nan"', "lower 'nan'"),
+        ("left_hand_camera_joint", '"left_hand"', '"left_wrist"', "camera_joint lies 113.5 mm"),
     ],
-    ids=range(22),
 )
-def test_what_is_no_baxter_is_refused_in_a_sentence(text: str | bytes) -> None:
-    with pytest.raises(DescriptionError) as refused:
-        Baxter.load(text)
+def test_a_joint_of_no_baxter_is_named(joint: str, pattern: str, by: str, reason: str) -> None:
+    with pytest.raises(DescriptionError, match=reason) as refused:
+        Baxter.load(changed(served(), joint, pattern, by))
     assert "\n" not in str(refused.value)
+
+
+OTHER_ROBOT = '<robot name="x"><link name="base"/><joint name="arm_1" type="continuous"/></robot>'
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("<robot name='x'><link name='base'/></robot>", "head_pan is missing"),
+        (OTHER_ROBOT, "used: this toolkit is for Baxter only; it"),
+        (without(served(), "left_w2"), "left_w2 is missing"),
+        (without(served(), "l_gripper_l_finger_joint"), "lacks l_gripper_l_finger_joint"),
+        (with_joint(served(), "torso"), "knob is revolute, and not one of Baxter's"),
+        ("this is no XML", "cannot be read"),
+        ("<this is no XML", "not XML"),
+        (b"", "not XML"),
+    ],
+)
+def test_texts_of_other_robots_are_refused(text: str | bytes, reason: str) -> None:
+    with pytest.raises(DescriptionError, match=reason):
+        Baxter.load(text)
 
 
 def test_a_movable_joint_on_a_hand_is_refused_unless_another_hand_is_named() -> None:
