@@ -134,12 +134,12 @@ def test_other_tips_agree_with_the_whole_robot(robot: Baxter, arm: Arm, name: st
 
 def test_a_tool_is_where_it_is_held(arm: Arm) -> None:
     T_gripper_tool = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([0.0, 0.02, 0.1]))
-    tipped = arm.with_tip(T_gripper_tool, "pen")
+    tipped = arm.with_tip(T_gripper_tool, "p")
     expected = arm.T_base_tip(arm.start) * T_gripper_tool
     np.testing.assert_allclose(
         tipped.T_base_tip(arm.start).homogeneous, expected.homogeneous, atol=1e-12
     )
-    assert repr(tipped) == f"Arm({arm.side!r}, tip='pen')"
+    assert repr(tipped) == f"Arm({arm.side!r}, tip='p')"
     assert arm.tip_frame == f"{arm.side}_gripper"
     assert tipped.at_gripper.tip_frame == arm.tip_frame
     assert arm.at_gripper is arm
