@@ -68,7 +68,7 @@ def test_a_contact_is_found_where_at_most_the_required_distance_is_left(
 
 
 def test_a_contact_of_a_motion_without_duration_is_at_its_start() -> None:
-    assert contact(0.0, 0.0, None, 0.0).fraction == 0.0
+    assert contact(0.0, 0.0, None, 0.0).fraction == contact(0.0, 0.0, None).fraction == 0.0
     assert contact(0.0, 0.0, 3.0).fraction == 0.75
 
 

@@ -51,7 +51,7 @@ def test_lags_and_errors_are_those_of_all_joints_or_of_each() -> None:
         ({"speed": 0.0}, "above zero"),
         ({"speed": 1.1}, "at most 1"),
         ({"speed": True}, "speed"),
-        ({"lead_s": -0.1}, "negative"),
+        ({"lead_s": -0.1}, "lead_s"),
         ({"late_s": 20.0}, "at most 1"),
     ],
 )
