@@ -77,6 +77,9 @@ def test_refuses_an_invalid_margin(margin_m: Any) -> None:
     with pytest.raises(MotionError, match="margin"):
         checked_margin_m(margin_m)
     assert checked_margin_m(0.0) == 0.0
-    if margin_m is None or isinstance(margin_m, str):
-        with pytest.raises(SceneError, match="needed_m"):
-            Clearance(0.01, "arm", "wall").too_near(margin_m)
+
+
+@pytest.mark.parametrize("needed_m", [None, "1 cm"])
+def test_refuses_an_invalid_distance(needed_m: Any) -> None:
+    with pytest.raises(SceneError, match="needed_m"):
+        Clearance(0.01, "arm", "wall").too_near(needed_m)

@@ -230,7 +230,7 @@ def test_refuses_limits_positions_and_motions_of_another_class(
 ) -> None:
     limits = motion.limits
     for use in (
-        lambda: motion.peak_ratios(bad if bad is not None else 0),
+        lambda: motion.peak_ratios(0 if bad is None else bad),  # type: ignore[arg-type]
         lambda: evolve(motion, limits=bad),
         lambda: Trajectory.stay(np.zeros(7), bad),
         lambda: Trajectory.stay(bad, limits),

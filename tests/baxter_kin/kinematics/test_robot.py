@@ -22,11 +22,11 @@ def test_indices_are_places_in_a_full_configuration(robot: Baxter) -> None:
 @pytest.mark.parametrize(
     ("method", "argument", "error"),
     [
-        *(("arm", limb, UnknownNameError) for limb in ("top", None, 3, ["left"], {})),
+        *(("arm", limb, UnknownNameError) for limb in list[Any](["top", None, 3, ["left"], {}])),
         ("configuration", {"left_s9": 0.0}, UnknownNameError),
         ("configuration", {"left_s0": math.nan}, ConfigurationError),
         *(("configuration", joints, ConfigurationError) for joints in ("abc", np.zeros(3), 5)),
-        *(("indices", names, UnknownNameError) for names in (("left_s9",), ([],))),
+        *(("indices", names, UnknownNameError) for names in list[Any]([("left_s9",), ([],)])),
         ("indices", None, ConfigurationError),
         ("load", "x", DescriptionError),
     ],

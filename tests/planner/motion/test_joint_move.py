@@ -330,7 +330,7 @@ ELBOW = one_joint()
         ),
         (([-1.0], [1.0]), {"limits": one_joint(v=1e-4)}, r"elbow needs at least 2e\+04 s"),
         (([-1.0], [1.0]), {"limits": one_joint(a=1e-9)}, f"longer than {MAX_MOTION_S:g} s"),
-        *((([0.0], [1.0]), {"limits": bad}, "limits") for bad in (None, "limits", [])),
+        *((([0.0], [1.0]), {"limits": bad}, "limits") for bad in list[Any]([None, "limits", []])),
     ],
 )
 def test_motions_that_break_a_limit_are_refused(

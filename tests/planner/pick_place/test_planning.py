@@ -259,9 +259,9 @@ def test_a_retreat_states_its_line_tolerance(manipulator: Manipulator, scene: Sc
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
-        *(({"task": bad}, TaskError) for bad in (None, "x", {})),
+        *(({"task": bad}, TaskError) for bad in list[Any]([None, "x", {}])),
         *(({"manipulator": bad}, TaskError) for bad in (None, "left", 5)),
-        *(({"scene": bad}, SceneError) for bad in (None, "x", {})),
+        *(({"scene": bad}, SceneError) for bad in list[Any]([None, "x", {}])),
         *(
             ({"q_start": bad}, ConfigurationError)
             for bad in (None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7)

@@ -175,6 +175,9 @@ def test_only_the_parts_that_touch_are_contacts() -> None:
 def test_intended_contacts_refuse_invalid_supports(supports: Any) -> None:
     with pytest.raises(SceneError):
         Contact.of_supports("block", supports)
-    if supports is None or isinstance(supports, (str, int)):
-        with pytest.raises(SceneError):
-            Contact.of_hand("left", "block", may_press=supports)
+
+
+@pytest.mark.parametrize("may_press", [None, 5, "table"])
+def test_intended_contacts_of_a_hand_refuse_what_is_no_flag(may_press: Any) -> None:
+    with pytest.raises(SceneError):
+        Contact.of_hand("left", "block", may_press=may_press)

@@ -110,8 +110,14 @@ def test_a_block_may_have_three_edges_and_a_colour() -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        *({"edge_m": bad} for bad in (0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0)),
-        *({"colour": bad} for bad in ("pink", "", 5, (1.0, 0.0), (2.0, 0, 0, 1), [None] * 4)),
+        *(
+            {"edge_m": bad}
+            for bad in list[Any]([0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0])
+        ),
+        *(
+            {"colour": bad}
+            for bad in list[Any](["pink", "", 5, (1.0, 0.0), (2.0, 0, 0, 1), [None] * 4])
+        ),
     ],
     ids=str,
 )

@@ -111,7 +111,8 @@ class TestSeveralSupports:
     def test_it_knows_all_of_them_and_without_one_it_falls(
         self, bridged: World, gone: str, left: str
     ) -> None:
-        assert bridged.supports["top"] == ("a", "b")
+        supports = bridged.supports
+        assert supports["top"] == ("a", "b")
         assert bridged.riders("a") == bridged.riders("b") == ("top",)
         bridged.delete(gone)
         assert bridged.supports["top"] == ("table",)

@@ -172,7 +172,7 @@ def test_invalid_objectives_are_refused(curve: SelfMotion, objective: Any) -> No
 def test_invalid_curves_and_configurations_are_refused(left: Arm) -> None:
     with pytest.raises(RequestError):
         best_on(5, FarthestFromLimits())  # type: ignore[arg-type]
-    for q in (np.zeros(6), [math.nan] * 7, "q"):
+    for q in list[Any]([np.zeros(6), [math.nan] * 7, "q"]):
         with pytest.raises(ConfigurationError):
             NearestTo(q)
     rows: Any
