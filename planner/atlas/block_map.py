@@ -238,19 +238,23 @@ class Kind(NamedTuple):
 
 
 class MapDefinition(Protocol):
-    """What a map is of, and what computes its cells.
+    """What a map is of, and what computes its cells."""
 
-    Attributes:
-        arms: such as ("left", "right").
-        grid: arms and positions in blocks.
-        sample: number of positions that are efficiently computed together.
-        sources: paths of the maps that it is computed from.
-    """
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Such as ("left", "right")."""
 
-    arms: tuple[str, ...]
-    grid: BlockGrid
-    sample: int
-    sources: tuple[Path, ...]
+    @property
+    def grid(self) -> BlockGrid:
+        """Arms and positions in blocks."""
+
+    @property
+    def sample(self) -> int:
+        """Number of positions that are efficiently computed together."""
+
+    @property
+    def sources(self) -> tuple[Path, ...]:
+        """Paths of the maps that it is computed from."""
 
     @property
     def attributes(self) -> dict[str, Any]:

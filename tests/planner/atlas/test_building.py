@@ -102,11 +102,12 @@ def test_a_reach_map_of_something_else_is_refused_and_nothing_changed(
 ) -> None:
     before, robot, grid = digests(small_map.path), small_map.robot, small_map.positions
     few, coarse = PositionGrid(0.1, (0, 0, 0), (2, 2, 2)), RotationGrid.of([np.eye(3)])
-    for words, asked in {
+    wrong: dict[str, tuple[Any, ...]] = {
         "robot": (Baxter.load(hands={"left": None}), grid, ROTATIONS),
         "set of rotations": (robot, grid, coarse),
         "grid of positions and another choice of arms": (robot, few, ROTATIONS, ("left",)),
-    }.items():
+    }
+    for words, asked in wrong.items():
         with pytest.raises(AtlasError, match=f"is of another {words}; nothing was changed"):
             build_reach_map(small_map.path, *asked, engine=Serial())
     assert digests(small_map.path) == before
