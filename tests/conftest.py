@@ -26,7 +26,6 @@ from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
 from tests.cpu_time import pytest_configure  # noqa: F401 - pytest finds its hooks here
 from tests.skips import (  # noqa: F401 - the same
-    pytest_collection_modifyitems,
     pytest_sessionfinish,
     pytest_terminal_summary,
 )

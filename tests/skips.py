@@ -1,7 +1,4 @@
-"""Hooks of pytest: skipped tests are counted and explained, and `--no-skips` refuses them.
-
-`--notebooks-elsewhere` leaves out what `scripts/run_notebooks.py` does too, which `.ci/run` calls.
-"""
+"""Hooks of pytest: skipped tests are counted and explained, and `--no-skips` refuses them."""
 
 from __future__ import annotations
 
@@ -13,18 +10,6 @@ import pytest
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--no-skips", action="store_true", help="fail when a test was skipped")
-    parser.addoption(
-        "--notebooks-elsewhere", action="store_true", help="run no notebook from begin to end"
-    )
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect what runs whole notebooks, where that is asked for."""
-    if not config.getoption("--notebooks-elsewhere"):
-        return
-    chosen = {item for item in items if item.get_closest_marker("executes_a_notebook") is not None}
-    config.hook.pytest_deselected(items=[item for item in items if item in chosen])
-    items[:] = [item for item in items if item not in chosen]
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -45,7 +45,7 @@ def notebook(name: str) -> NotebookNode:
     return notebooks.read(name)
 
 
-@pytest.mark.executes_a_notebook
+@pytest.mark.campaign  # .ci/run runs the notebooks against the wheel
 def test_runs_from_a_clean_kernel_and_so_do_its_solutions(name: str, tmp_path: Path) -> None:
     if not notebooks.runs_here(name):
         pytest.skip("needs a later Python")

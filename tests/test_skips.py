@@ -23,7 +23,6 @@ def test_three(): pass
 
 def test_four(): pass
 
-@pytest.mark.executes_a_notebook
 def test_five(): raise AssertionError
 """
 
@@ -34,12 +33,11 @@ Run = Callable[..., pytest.RunResult]
 def run(pytester: pytest.Pytester) -> Run:
     """Runs pytest in a folder of its own, with the hooks of `tests.skips`."""
     pytester.makepyfile(test_some=TESTS)
-    pytester.makeini("[pytest]\nmarkers = executes_a_notebook\n")
     return lambda words: pytester.runpytest_inprocess("-p", "tests.skips", *words.split())
 
 
 def test_skipped_tests_are_counted_and_explained_in_one_line_a_reason(run: Run) -> None:
-    done = run("--notebooks-elsewhere")
+    done = run("--deselect test_some.py::test_five")
     told = [line for line in done.outlines if line.startswith("skipped ")]
     assert sorted(told) == ["skipped 1: no compiler", "skipped 2: no browser"]
     assert done.ret == 0
@@ -48,7 +46,7 @@ def test_skipped_tests_are_counted_and_explained_in_one_line_a_reason(run: Run) 
 @pytest.mark.parametrize(
     ("words", "status"),
     [
-        ("--no-skips --notebooks-elsewhere", 1),
+        ("--no-skips -k three", 1),
         ("--no-skips -k four", 0),
         ("--no-skips -n 1", 1),  # in the processes of pytest-xdist, too
         ("-k five", 1),
@@ -56,8 +54,3 @@ def test_skipped_tests_are_counted_and_explained_in_one_line_a_reason(run: Run) 
 )
 def test_where_none_may_be_skipped_the_run_fails(run: Run, words: str, status: int) -> None:
     assert run(words).ret == status
-
-
-def test_notebooks_that_run_elsewhere_are_deselected_and_not_skipped(run: Run) -> None:
-    done = run("--no-skips --notebooks-elsewhere")
-    done.assert_outcomes(skipped=3, passed=1, deselected=1)
