@@ -32,12 +32,12 @@ FloatArray = NDArray[np.float64]
 class TestAllowedContacts:
     """Fingers and the body they grasp; a held body and its support."""
 
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def shapes(self, robot: Baxter, plain: RobotBody) -> RobotShapes:
         """Fingers with boxes as pads."""
         return RobotShapes(robot, plain)
 
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def manipulator(self, robot: Baxter, plain: RobotBody) -> Manipulator:
         """Fingers with boxes as pads."""
         return Manipulator.of(robot, "left", body=plain)
