@@ -121,7 +121,7 @@ def place(robot: Baxter, link: str, seen_from: str) -> pin.SE3:
 
 
 @pytest.mark.parametrize(
-    ("mount", "side"), zip(MOUNTS, len(MOUNTS) * ("left", "right"), strict=False), ids=str
+    ("mount", "side"), list(zip(MOUNTS, len(MOUNTS) * ("left", "right"), strict=False)), ids=str
 )
 def test_fingers_are_where_rethinks_xacro_puts_them(mount: ElectricGripper, side: str) -> None:
     robot = Baxter.load(hands={side: mount})
