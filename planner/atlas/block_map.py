@@ -36,7 +36,7 @@ from baxter_kin.display import OneLine, count, shown_path
 from baxter_kin.distribution.extras import run_to_install, run_to_install_extra
 from baxter_kin.distribution.software import difference, kind_of_machine, versions
 from baxter_kin.errors import MissingLibraryError, UnknownNameError
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import Indices
 from planner.atlas.reach_search import NOT_COMPUTED, UNDECIDED, UNREACHABLE
 from planner.errors import AtlasError
 
@@ -261,8 +261,8 @@ class MapDefinition(Protocol):
         """What `zarr.json` says of the map."""
 
     @property
-    def constants(self) -> dict[str, FloatArray]:
-        """Arrays that are there from the beginning."""
+    def constants(self) -> dict[str, Any]:
+        """Arrays that are there from the beginning, by name."""
 
     @property
     def layers(self) -> dict[str, Layer]:

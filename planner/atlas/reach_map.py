@@ -121,7 +121,7 @@ class ReachDefinition:
         }
 
     @property
-    def constants(self) -> dict[str, FloatArray]:
+    def constants(self) -> dict[str, Any]:
         """The rotations."""
         return {"directions": self.rotations.R_base_tips, "rolls": self.rotations.rolls}
 

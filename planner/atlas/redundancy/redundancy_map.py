@@ -118,7 +118,7 @@ class RedundancyDefinition:
         }
 
     @property
-    def constants(self) -> dict[str, FloatArray]:
+    def constants(self) -> dict[str, Any]:
         """The rotations of the subset."""
         return {"rotations": self.reach_map.rotations.matrices[list(self.subset.rotations)]}
 
