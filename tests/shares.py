@@ -16,7 +16,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if share is None:
         return
     number, shares = map(int, share.split("/"))
-    chosen, others = [], []
+    chosen: list[pytest.Item] = []
+    others: list[pytest.Item] = []
     for item in items:
         of_item = zlib.crc32(item.nodeid.encode()) % shares
         (chosen if of_item == number % shares else others).append(item)
