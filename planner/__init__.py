@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from planner.collision.robot.robot_body import RobotBody as RobotBody
     from planner.collision.robot.robot_shapes import RobotShapes as RobotShapes
     from planner.completion import complete as complete
+    from planner.errors import PathMoveError as PathMoveError
     from planner.errors import PlannerError as PlannerError
     from planner.errors import StraightMoveError as StraightMoveError
     from planner.grasping.hand import Hand as Hand
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
     from planner.manipulator import Manipulator as Manipulator
     from planner.motion.free_move import plan_free_move as plan_free_move
     from planner.motion.joint_move import plan_joint_move as plan_joint_move
+    from planner.motion.paths.path import Arc as Arc
+    from planner.motion.paths.path import Curve as Curve
+    from planner.motion.paths.path import Polyline as Polyline
+    from planner.motion.paths.path_move import PathMove as PathMove
+    from planner.motion.paths.path_move import plan_path_move as plan_path_move
     from planner.motion.response import Response as Response
     from planner.motion.response import fit_response as fit_response
     from planner.motion.straight_line import LineTolerance as LineTolerance
@@ -67,6 +73,7 @@ if TYPE_CHECKING:
 __all__, __getattr__ = lazy(
     __name__,
     {
+        "Arc": "planner.motion.paths.path",
         "Attachment": "planner.scene.bodies",
         "Body": "planner.scene.bodies",
         "Box": "planner.scene.bodies",
@@ -74,6 +81,7 @@ __all__, __getattr__ = lazy(
         "Claim": "planner.plan",
         "CollisionContext": "planner.collision.context",
         "Contact": "planner.scene.contact",
+        "Curve": "planner.motion.paths.path",
         "Cylinder": "planner.scene.bodies",
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
@@ -84,10 +92,13 @@ __all__, __getattr__ = lazy(
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
         "Part": "planner.scene.bodies",
+        "PathMove": "planner.motion.paths.path_move",
+        "PathMoveError": "planner.errors",
         "PickAndPlace": "planner.pick_place.task",
         "Plan": "planner.plan",
         "PlanFailure": "planner.plan",
         "PlannerError": "planner.errors",
+        "Polyline": "planner.motion.paths.path",
         "PolynomialMotion": "planner.verification",
         "Response": "planner.motion.response",
         "RobotBody": "planner.collision.robot.robot_body",
@@ -109,6 +120,7 @@ __all__, __getattr__ = lazy(
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
         "plan_joint_move": "planner.motion.joint_move",
+        "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",
         "plan_start_move": "planner.pick_place.planning",

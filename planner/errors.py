@@ -7,6 +7,7 @@ BaxterError
     ├── TrajectoryError     an invalid motion or sample time             (also ValueError)
     ├── MotionError         no motion under the limits joins two states  (also ValueError)
     │   ├── StraightMoveError   a line that the arm cannot follow to its end
+    │   ├── PathMoveError   a path that the arm cannot follow to its end
     │   └── FreeMoveError       an end that collides, or no path around the obstacles
     ├── ResponseError       an impossible response, or insufficient data (also ValueError)
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
@@ -51,6 +52,20 @@ class StraightMoveError(MotionError):
         self.fraction = fraction
         self.reason = reason
         super().__init__(f"the straight line ends after {fraction:.1%} of the way: {reason}")
+
+
+class PathMoveError(MotionError):
+    """A path that the arm cannot follow to its end.
+
+    Attributes:
+        length_m: of the path up to the point that it cannot pass.
+        reason: why it stops there.
+    """
+
+    def __init__(self, length_m: float, reason: str) -> None:
+        self.length_m = length_m
+        self.reason = reason
+        super().__init__(f"the path ends after {1e3 * length_m:.0f} mm: {reason}")
 
 
 class FreeMoveError(MotionError):

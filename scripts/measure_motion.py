@@ -58,8 +58,9 @@ from planner import (
 from planner.collision.context import CollisionContext, looks_clear, sample_times
 from planner.errors import FreeMoveError
 from planner.motion.free_move import plan_free_move
+from planner.motion.paths.pieces import MIN_LENGTH
 from planner.motion.program.guess import follow
-from planner.motion.straight_line import MIN_LENGTH, StraightLine
+from planner.motion.straight_line import StraightLine
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycles import CycleProgram
 from planner.pick_place.task import PlanRequest

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 import baxter_kin.ik as inverse
 import planner
@@ -31,6 +32,18 @@ SCENE = Scene.of(
 )
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129)
 TASK = planner.PickAndPlace("block", PICK, PLACE)
+
+
+def curve(length_m: float) -> pin.SE3:
+    """A straight line, as a curve."""
+    return FAR * at(length_m, 0.0, 0.0)
+
+
+PATHS = (
+    planner.Polyline([curve(0.0), curve(0.1)]),
+    planner.Arc(FAR, FAR.translation + np.eye(3)[0], np.eye(3)[2], 1.0),
+    planner.Curve(curve, 0.1),
+)
 
 
 def specimens_of(
@@ -77,6 +90,10 @@ def specimens_of(
         ),
         "body": (RobotBody.load(), RobotBody.load().padded(0.01)),
         "space": (space, space.with_margin(0.001)),
+        "path": (
+            *PATHS,
+            planner.PathMove(planner.plan_joint_move(q, q + 0.1, arm.limits), (), [0.1]),
+        ),
         "line": (planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)), planner.LineTolerance()),
         "simulation": simulation,
         "outcome": outcome,

@@ -41,6 +41,7 @@ ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "UnknownNameError": ("limb", "middle", ("left", "right")),
     "FileError": ("read", "a.json", "it is empty"),
     "StraightMoveError": (0.5, "the arm ends"),
+    "PathMoveError": (0.5, "the arm ends"),
     "StageError": ("pick: approach", "it is too far"),
     "NotReadyError": (Readiness((Finding("state", False, "it is stopped"),), None),),
 }

@@ -9,37 +9,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from enum import Enum
 
 import numpy as np
 import pinocchio as pin
 from attrs import Factory
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import millimetres, millimetres_hint, position
+from baxter_kin.display import millimetres_hint
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import field, frozen, scalar
 from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
-from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, float_array
+from baxter_kin.validation import FloatArray, expect, finite_array, float_array, read_only
 from planner.errors import MotionError, StraightMoveError
+from planner.motion.paths.pieces import MIN_LENGTH, MIN_TRAVEL_M, Piece
 from planner.scene.bodies import MAX_DISTANCE_M
 from planner.trajectory import Trajectory
-
-MIN_LENGTH = 1e-9
-"""Minimum length of a line, in m and rad combined; a shorter one is a point, as positions have no
-better accuracy."""
-
-MIN_TRAVEL_M = 1e-6
-"""Minimum travel of a tip; with a shorter one, the motion is a rotation in place."""
 
 HALF_TURN_MARGIN_RAD = 1e-6
 """Minimum distance of a rotation from half a turn; closer ones have no unique shortest way."""
 
-MAX_FRACTION = 1e6
-"""Maximum extrapolation of a line, in multiples of its length; beyond, rotations lose digits."""
-
 MIN_TOLERANCE_M, MIN_TOLERANCE_RAD = 2e-6, 1e-5
 """Minimum tolerances: poses at the ends of lines are exact within a hundredth of these."""
+
+FREE_ABOUT = ("", "x", "y", "z", "xyz")
+"""Axes of the tip about which a tolerance may leave it free."""
 
 DEFAULT_M, DEFAULT_RAD = 1e-4, math.radians(0.02)
 """Default tolerances."""
@@ -60,6 +56,18 @@ MIN_KNOT_TOLERANCE = 1e-7
 """Minimum tolerance at knots, m, and minimum angle that counts as a rotation, rad."""
 
 
+class Turn(Enum):
+    """Which rotations of a tip on its path are allowed.
+
+    `FIXED` asks for the orientation of the path, `ABOUT_AXIS` for the direction of one axis of the
+    tip, `FREE` for nothing.
+    """
+
+    FIXED = "fixed"
+    ABOUT_AXIS = "about axis"
+    FREE = "free"
+
+
 @frozen(error=MotionError, eq=True)
 class LineTolerance:
     """Maximum deviation of a tip from its line; by default 0.1 mm and 0.02 deg.
@@ -67,14 +75,19 @@ class LineTolerance:
     Attributes:
         position_m: distance from the line; at least `MIN_TOLERANCE_M`.
         rotation_rad: angle to the orientation at the nearest point of the line; at least
-            `MIN_TOLERANCE_RAD`, below half a turn.
+            `MIN_TOLERANCE_RAD`, below half a turn. With a free axis, the angle between the wanted
+            direction of that axis and the reached one.
+        free_about: axis of the tip about which it may turn: "x", "y", "z"; "xyz" for any
+            orientation, or "" for none. For paths only.
 
     Raises:
         MotionError: when a value is not a number in its range.
+        UnknownNameError: when there is no such axis.
     """
 
     position_m: float = scalar(default=DEFAULT_M, what="line tolerance position_m")
     rotation_rad: float = scalar(default=DEFAULT_RAD, what="line tolerance rotation_rad")
+    free_about: str = ""
 
     def __attrs_post_init__(self) -> None:
         for name, value, low, high in (
@@ -86,8 +99,36 @@ class LineTolerance:
                     f"line tolerance {name} must be from {low:g} to below {high:g}, got {value:g}"
                 )
 
+        if self.free_about not in FREE_ABOUT:
+            raise UnknownNameError("free axis", self.free_about, FREE_ABOUT)
+
+    @classmethod
+    def about(
+        cls, axis: str, *, position_m: float = DEFAULT_M, lean_rad: float = DEFAULT_RAD
+    ) -> LineTolerance:
+        """Any rotation about one axis of the tip, "x", "y" or "z", which may lean a little.
+
+        Args:
+            axis: of the tip; z points out of the hand.
+            position_m: distance from the path.
+            lean_rad: maximum angle between the wanted direction of the axis and the reached one.
+        """
+        return cls(position_m, lean_rad, axis)
+
+    @classmethod
+    def position_only(cls, position_m: float = DEFAULT_M) -> LineTolerance:
+        """Any orientation."""
+        return cls(position_m, free_about="xyz")
+
+    @property
+    def turn(self) -> Turn:
+        """Which rotations are allowed."""
+        kinds = Turn.FIXED, Turn.ABOUT_AXIS
+        return kinds[len(self.free_about)] if len(self.free_about) < len(kinds) else Turn.FREE
+
     def _facts(self) -> tuple[str, ...]:
-        return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
+        free = f"free about {self.free_about}" if self.free_about else ""
+        return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg", free
 
 
 DEFAULT_TOLERANCE = LineTolerance()
@@ -106,7 +147,12 @@ def _to_endpoint(pose: PoseLike) -> pin.SE3:
     return pin.SE3(nearest_rotation(T.rotation), T.translation)
 
 
-def _twist_of(line: StraightLine) -> FloatArray:
+def _way(line: StraightLine) -> FloatArray:
+    way = line.T_base_goal.translation - line.T_base_start.translation
+    return read_only(np.array([way, np.zeros(3), np.zeros(3)]), "way", MotionError)
+
+
+def _turn(line: StraightLine) -> FloatArray:
     start, goal = line.T_base_start, line.T_base_goal
     angle = angle_between(start.rotation, goal.rotation)
     if angle > math.pi - HALF_TURN_MARGIN_RAD:
@@ -116,13 +162,11 @@ def _twist_of(line: StraightLine) -> FloatArray:
             "shortest ways: go by an orientation between",
         )
     turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
-    twist = np.concatenate([goal.translation - start.translation, turn])
-    twist.setflags(write=False)
-    return twist
+    return read_only(turn, "turn", MotionError)
 
 
 @frozen(error=MotionError)
-class StraightLine:
+class StraightLine(Piece):
     """The poses from a start to a goal, by the fraction s of the way, 0..1.
 
     The position moves along the line between both, the orientation by the shortest rotation between
@@ -131,8 +175,8 @@ class StraightLine:
     Attributes:
         T_base_start: the pose of the tip at s = 0.
         T_base_goal: its pose at s = 1.
-        twist: constant twist of the tip per unit of s, shape (6,): m, then rad, along the axes of
-            base.
+        coefficients: of the position, as of any piece; the second and the third are zero.
+        turn: rotation vector from start to goal, shape (3,), rad.
 
     Raises:
         PoseError: when a pose is invalid.
@@ -142,36 +186,23 @@ class StraightLine:
 
     T_base_start: pin.SE3 = field(converter=_to_endpoint)
     T_base_goal: pin.SE3 = field(converter=_to_endpoint)
-    twist: FloatArray = field(init=False, default=Factory(_twist_of, takes_self=True))
+    coefficients: FloatArray = field(init=False, default=Factory(_way, takes_self=True))
+    turn: FloatArray = field(init=False, default=Factory(_turn, takes_self=True))
+
+    @property
+    def twist(self) -> FloatArray:
+        """Twist of the tip per unit of s, shape (6,): m, then rad, along the axes of base."""
+        return np.concatenate([self.coefficients[0], self.turn])
 
     @property
     def length_m(self) -> float:
         """Travel of the tip."""
-        return float(np.linalg.norm(self.twist[:3]))
-
-    @property
-    def angle_rad(self) -> float:
-        """Angle of the rotation, below half a turn."""
-        return float(np.linalg.norm(self.twist[3:]))
+        return float(np.linalg.norm(self.coefficients[0]))
 
     @property
     def is_point(self) -> bool:
         """Whether the line is shorter than `MIN_LENGTH`."""
         return bool(np.linalg.norm(self.twist) < MIN_LENGTH)
-
-    def at(self, s: float) -> pin.SE3:
-        """The pose at a fraction of the way; outside 0..1, the line is extended.
-
-        Raises:
-            MotionError: when `s` is not a number, or its size exceeds `MAX_FRACTION`.
-        """
-        s = finite_scalar(s, "s", MotionError)
-        if abs(s) > MAX_FRACTION:
-            raise MotionError(
-                f"s is a fraction of the way, to {MAX_FRACTION:g} times it; got {s:g}"
-            )
-        R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
-        return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
 
     def nearest_fraction(self, T_base_tip: pin.SE3) -> float:
         """Fraction of the nearest position.
@@ -180,7 +211,7 @@ class StraightLine:
         0 where the line is a point.
         """
         T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
-        way, turn = np.split(self.twist, 2)
+        way, turn = self.coefficients[0], self.turn
         if self.length_m < MIN_TRAVEL_M and self.angle_rad > MIN_LENGTH:
             return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
         return float(way @ (T.translation - start.translation) / max(way @ way, MIN_LENGTH**2))
@@ -192,7 +223,8 @@ class StraightLine:
         """
         tips = float_array(T_base_tips, "T_base_tips", MotionError)
         T = finite_array(tips, (tips.size // 16, 4, 4), "T_base_tips", MotionError)
-        (way, turn), away = np.split(self.twist, 2), T[:, :3, 3] - self.T_base_start.translation
+        way, turn = self.coefficients[0], self.turn
+        away = T[:, :3, 3] - self.T_base_start.translation
         s = away @ way / max(way @ way, MIN_LENGTH**2)
         if self.length_m < MIN_TRAVEL_M:  # a rotation in place
             s = np.array([self.nearest_fraction(pin.SE3(tip)) for tip in T])
@@ -204,17 +236,6 @@ class StraightLine:
         cosines = np.trace(R, axis1=1, axis2=2) - 1.0
         angles_rad: FloatArray = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
         return np.linalg.norm(away - s[:, None] * way, axis=1), angles_rad
-
-    def error(self, s: float, T_base_tip: pin.SE3) -> FloatArray:
-        """Twist from a pose to that of the line at s, shape (6,), m and rad, along axes of base."""
-        R = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError).rotation
-        T_base_line = self.at(s)
-        turn = R @ pin.log3(R.T @ T_base_line.rotation)
-        return np.concatenate([T_base_line.translation - T_base_tip.translation, turn])
-
-    def _facts(self) -> tuple[str, ...]:
-        way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
-        return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
 
 
 def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:

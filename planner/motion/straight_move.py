@@ -116,19 +116,25 @@ def plan_straight_move(
         return Trajectory.stay(q, limits)
     task = MotionTask(q, (line,), knot_tolerance(tolerance, (line,)), rates=rates)
     times = whole_scalar(fineness, "fineness", MotionError, least=1, most=16)
-    return _planned(arm, limits, task, tolerance, times)
+    return _planned(arm, limits, line, task, tolerance=tolerance, fineness=times)
 
 
 def _planned(
-    arm: Arm, limits: JointLimits, task: MotionTask, tolerance: LineTolerance, fineness: int
+    arm: Arm,
+    limits: JointLimits,
+    line: StraightLine,
+    task: MotionTask,
+    *,
+    tolerance: LineTolerance,
+    fineness: int,
 ) -> Trajectory:
     """The motion of a checked task.
 
     Optima are local. So the next guess ends in another solution of the goal, as long as there is
     one that the arm could reach sooner than the best known motion, if it could leave the line.
     """
-    (line,), is_at_rest = task.lines, not any(task.rates)
-    motion = _near(arm, limits, task, tolerance, fineness)
+    is_at_rest = not any(task.rates)
+    motion = _near(arm, limits, line, task, tolerance=tolerance, fineness=fineness)
     if motion is None:
         ends = "" if is_at_rest else " that has these speeds and accelerations at its ends"
         raise MotionError(
@@ -146,21 +152,23 @@ def _planned(
             break
         q_tried = solutions[min_s.argmin()]
         other = q_tried, motion.duration
-        motion = _near(arm, limits, task, tolerance, fineness, other=other) or motion
+        nearer = _near(arm, limits, line, task, tolerance=tolerance, fineness=fineness, other=other)
+        motion = nearer or motion
     return motion
 
 
 def _near(
     arm: Arm,
     limits: JointLimits,
+    line: StraightLine,
     task: MotionTask,
+    *,
     tolerance: LineTolerance,
     fineness: int,
-    *,
     other: tuple[FloatArray, float] | None = None,
 ) -> Trajectory | None:
     """The motion near least-norm steps, or near a guess with another end if that is faster."""
-    (line,), rates = task.lines, task.rates
+    rates = task.rates
     intervals, is_at_rest = fineness * intervals_of(line, tolerance, MIN_INTERVALS), not any(rates)
     enters, leaves = any(rates[:2]), any(rates[2:])
     for _ in range(1 + MAX_HALVINGS):
@@ -173,7 +181,7 @@ def _near(
             motion = plan_joint_move(task.q_start, guess.q[-1], limits)
             if is_on_line(arm, line, motion, tolerance):
                 return motion
-        _refuse_too_fast(arm, limits, task, guess.q[-1])
+        _refuse_too_fast(arm, limits, line, task, guess.q[-1])
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
         if other is not None:
             guess = bent_to(guess, *other)
@@ -221,10 +229,12 @@ def _rates(line: StraightLine, which: str, speed: float, acceleration: float) ->
     return np.array([speed, acceleration]) / line.length_m
 
 
-def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: FloatArray) -> None:
+def _refuse_too_fast(
+    arm: Arm, limits: JointLimits, line: StraightLine, task: MotionTask, q_end: FloatArray
+) -> None:
     """Raise an error where even the least-norm joint velocities at an end exceed all limits."""
     for which, q, speed in (("start", task.q_start, task.rates[0]), ("end", q_end, task.rates[2])):
-        v = np.linalg.lstsq(arm.jacobian(q), speed * task.lines[0].twist, rcond=None)[0]
+        v = np.linalg.lstsq(arm.jacobian(q), speed * line.twist, rcond=None)[0]
         if np.linalg.norm(v) > np.linalg.norm(limits.v_max):
             i = int(np.argmax(np.abs(v) / limits.v_max))
             raise MotionError(

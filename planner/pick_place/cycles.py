@@ -73,11 +73,11 @@ class CycleProgram:
             (min(start_m, pick_m) - HEIGHT_TOLERANCE_M, min(pick_m, place_m)),
         )
         clear, hover = (
-            intervals_of(line, self._tolerance, MIN_ON_LINE) for line in self._task.lines[1:]
+            intervals_of(line, self._tolerance, MIN_ON_LINE) for line in self._task.pieces[1:]
         )
         usual = ENTRY, clear, clear, ACROSS, clear, hover
         led = LED_ENTRY, clear, clear, LED_ACROSS, clear, hover
-        shortest_m = min(line.length_m for line in self._task.lines)
+        shortest_m = min(line.length_m for line in self._task.pieces)
         self._is_usual = max(usual) <= MAX_ON_LINE and shortest_m >= MIN_LINE_M
         self._intervals, self._led = ([fineness * n for n in counts] for counts in (usual, led))
 
@@ -134,7 +134,7 @@ class CycleProgram:
         motions = program.solve(sketches, self._task, arm, limits, clearances)
         if motions is None:
             return None
-        pick, place, end = self._task.lines
+        pick, place, end = self._task.pieces
         _, down_pick, up_pick, _, down_place, up_end = motions
         straight = (pick, down_pick), (pick, up_pick), (place, down_place), (end, up_end)
         is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
@@ -145,7 +145,7 @@ class CycleProgram:
 
         None where the arm cannot follow a line from its solution.
         """
-        pick, place, end = self._task.lines
+        pick, place, end = self._task.pieces
         entry, at_pick, _, across, at_place, at_end = self._intervals
         arm, limits = self._manipulator.arm, self._manipulator.limits
         up_pick = guess_along(arm, limits, pair.q_pick, pick, at_pick)

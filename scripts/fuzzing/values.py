@@ -205,6 +205,11 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         "StraightLine": lambda: p.StraightLine(
             one("SE3"), pin.SE3(one("SE3").rotation, one("SE3").translation + 0.05 * np.eye(3)[2])
         ),
+        "Polyline": lambda: p.Polyline([one("SE3"), one("StraightLine").T_base_goal]),
+        "Arc": lambda: p.Arc(
+            one("SE3"), one("SE3").translation + 0.05 * np.eye(3)[0], np.eye(3)[2], 0.5
+        ),
+        "Curve": lambda: p.Curve(one("StraightLine").at, 0.5),
         "Response": lambda: p.Response((0.35, 0.45), 0.001, 0.3),
         "TrackingProof": lambda: p.TrackingProof(
             one("Response"), (), 0.0, 0.04, 0.02, np.zeros(7), 0.3

@@ -30,8 +30,20 @@ import numpy as np
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
 from planner.collision.obstacles import LinearBounds, Obstacles
-from planner.motion.program.rows import ClearanceRows, Clearances, Rows, clearance_rows, spline_rows
-from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
+from planner.motion.program.rows import (
+    ClearanceRows,
+    Clearances,
+    Rows,
+    clearance_rows,
+    constant,
+    spline_rows,
+)
+from planner.motion.program.tip_rows import (
+    height_rows,
+    path_rows,
+    speed_rows,
+    tip_speed_rows,
+)
 from planner.motion.program.unknowns import (
     MotionTask,
     Numbers,
@@ -40,7 +52,8 @@ from planner.motion.program.unknowns import (
     ends_of,
     numbers_of,
 )
-from planner.splines import Sketch, trajectory_of
+from planner.motion.straight_line import Turn
+from planner.splines import DIFFERENCES, Sketch, trajectory_of
 from planner.trajectory import Trajectory
 
 MIN_DURATION, MAX_DURATION = 1e-3, 1e3
@@ -97,20 +110,38 @@ class MotionProgram:
         phases: in order.
     """
 
-    def __init__(self, phases: Sequence[Phase], joints: int) -> None:
+    def __init__(
+        self,
+        phases: Sequence[Phase],
+        joints: int,
+        *,
+        turn: Turn = Turn.FIXED,
+        bounds_speed: bool = False,
+        smoothing: float = 0.0,
+        options: Mapping[str, float] | None = None,
+    ) -> None:
         """Build the program and its derivatives, which takes a tenth of a second.
 
         Args:
             phases: in order; at the end of the last one the arm rests, or leaves its line at speed.
             joints: number of joints that move.
+            turn: which rotations about a path are allowed.
+            bounds_speed: whether the tip keeps below a speed.
+            smoothing: weight of the squared third differences of the controls.
+            options: of the solver, in place of the usual ones.
         """
-        self.phases = tuple(phases)
+        self.phases, self._smoothing = tuple(phases), smoothing
+        self._options = _OPTIONS | dict(options or {})
         self._unknowns = Unknowns.of(self.phases, joints)
         x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases, joints)
-        parts = (
-            make(self.phases, self._unknowns, x, numbers)
-            for make in (spline_rows, line_rows, speed_rows, height_rows)
-        )
+        given = self.phases, self._unknowns, x, numbers
+        parts = [
+            spline_rows(*given),
+            path_rows(*given, turn),
+            speed_rows(*given),
+            height_rows(*given),
+            tip_speed_rows(*given) if bounds_speed else None,
+        ]
         rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
         self._rows = _RowFunctions.of(rows, x, numbers.all)
@@ -163,10 +194,13 @@ class MotionProgram:
         motion, shortfalls = ca.vertsplit(x, [0, self._unknowns.count, x.shape[0]])
         f = ca.sum1(motion[self._unknowns.durations.tolist()])
         f += SHORTFALL_PER_M * ca.sum1(shortfalls)
+        differences = self._third_differences()
+        f += self._smoothing * ca.sumsqr(differences @ motion)
         g = ca.vertcat(self._rows.value(motion, p), matrix @ x)
         jacobian = ca.horzcat(self._rows.jacobian(motion, p), ca.MX(len(self._low), more))
         multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
         hessian = self._rows.hessian(motion, p, multipliers[: len(self._low)])
+        hessian += weight * 2.0 * self._smoothing * ca.triu(differences.T @ differences)
         inputs = [x, p]
         functions = {
             "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
@@ -178,7 +212,18 @@ class MotionProgram:
             ),
         }
         nlp = {"x": x, "p": p, "f": f, "g": g}
-        return ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | functions)
+        return ca.nlpsol("motion", "ipopt", nlp, self._options | functions)
+
+    def _third_differences(self) -> ca.DM:
+        """Maps the unknowns to the third differences of their controls, where any is smoothed."""
+        columns = np.zeros((0, 4), dtype=np.intp)
+        for controls in self._unknowns.controls if self._smoothing else ():
+            windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0).reshape(-1, 4)
+            columns = np.concatenate([columns, windows])
+        columns = columns[(columns < self._unknowns.count).all(axis=1)]
+        rows = np.repeat(np.arange(len(columns)), 4)
+        weights = np.tile(DIFFERENCES[2], len(columns))
+        return constant(rows, columns.ravel(), weights, (len(columns), self._unknowns.count))
 
     def _inputs_with(
         self, inputs: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
@@ -224,9 +269,9 @@ class MotionProgram:
             is_unknown = controls < unknowns.count
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
-            if fractions is not None and phase.line is not None and arm is not None:
-                line = task.lines[phase.line]
-                x[fractions] = [line.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
+            if fractions is not None and phase.piece is not None and arm is not None:
+                piece = task.pieces[phase.piece]
+                x[fractions] = [piece.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
         return x
 
     def _motions(

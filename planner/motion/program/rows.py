@@ -69,7 +69,8 @@ class _Terms(NamedTuple):
 def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
     """Shares of the limits of v, a and j, in -1..1; jumps of q, v and a between phases, 0.
 
-    Where the first phase begins at speed, also the distance of its start from the given one, 0.
+    Where the first phase begins at speed, also the distance of its start from the given one, 0; and
+    where it begins in motion, those of its velocity and acceleration.
     """
     groups: list[_Terms] = []
     count, joints = 0, unknowns.joints
@@ -84,9 +85,10 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
             intervals = phases[k].intervals, phases[k + 1].intervals
             groups += _joined(count, k, intervals, unknowns.controls)
             count += len(AT_KNOT) * joints
-    if phases[0].enters:
-        groups += _starting(count, unknowns)
-        count += joints
+    if phases[0].enters or phases[0].is_moving:
+        orders = 3 if phases[0].is_moving else 1
+        groups += _starting(count, phases[0].intervals, unknowns, orders)
+        count += orders * joints
     high = np.where(np.arange(count) < limited, 1.0, 0.0)
     return _differentiated(groups, high, unknowns, x, numbers)
 
@@ -116,15 +118,17 @@ def _joined(
     return terms
 
 
-def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
-    """A row for each joint: the initial position minus the given one."""
-    joint = np.arange(unknowns.joints)
-    rows, one = first + joint, np.full_like(joint, 3 * len(joint))
-    initial = unknowns.count + joint[:, None]
-    return [
-        _Terms.of(rows, (0, 0), one, unknowns.controls[0][:3].T, AT_KNOT[0]),
-        _Terms.of(rows, (0, 0), one, initial, np.full(1, -1.0)),
-    ]
+def _starting(first: int, intervals: int, unknowns: Unknowns, orders: int) -> list[_Terms]:
+    """A row for each joint and order: the initial position or derivative minus the given one."""
+    joint, terms = np.arange(unknowns.joints), []
+    one = np.full_like(joint, 3 * len(joint))
+    given = unknowns.count + np.array([0, 2, 3])[:, None] * len(joint) + joint
+    for order, weights in enumerate(AT_KNOT[:orders]):
+        rows = first + len(joint) * order + joint
+        controls, scaled = unknowns.controls[0][:3].T, weights * intervals**order
+        terms.append(_Terms.of(rows, (0, order), one, controls, scaled))
+        terms.append(_Terms.of(rows, (0, 0), one, given[order][:, None], np.full(1, -1.0)))
+    return terms
 
 
 def _differentiated(
@@ -137,7 +141,7 @@ def _differentiated(
     count, durations = len(rows), unknowns.durations[phases]
     columns, weights = (np.concatenate([np.ravel(group[i]) for group in groups]) for i in (4, 5))
     terms = np.repeat(np.arange(count), np.repeat([k for _, k in sizes], [m for m, _ in sizes]))
-    y, order = ca.vertcat(x, numbers.q_ends), ca.DM(powers)
+    y, order = ca.vertcat(x, numbers.q_ends, numbers.rates_start), ca.DM(powers)
     T, b = x[durations.tolist()], ca.vertcat(numbers.limits, 1)[bounds.tolist()]
     along = constant(terms, columns, weights, (count, y.shape[0])) @ y
     scale = 1 / (b * T**order)

@@ -24,7 +24,8 @@ from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain
 from baxter_kin.validation import FloatArray, Indices
 from planner.motion.program.rows import Rows, SparseSum, constant
-from planner.motion.program.unknowns import LINE_NUMBERS, Numbers, Phase, Unknowns
+from planner.motion.program.unknowns import PIECE_NUMBERS, Numbers, Phase, Unknowns
+from planner.motion.straight_line import Turn
 from planner.splines import AT_KNOT
 
 
@@ -34,7 +35,7 @@ class _Knot(NamedTuple):
     Attributes:
         phase: its number.
         place: index of the knot in the phase.
-        number: of the line, or of the height.
+        number: of the piece, or of the height.
         is_exact: whether the error must be zero.
     """
 
@@ -64,29 +65,62 @@ class _Constraints(NamedTuple):
     high: FloatArray
 
 
-def line_rows(
-    phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
+def path_rows(
+    phases: Sequence[Phase],
+    unknowns: Unknowns,
+    x: ca.MX,
+    numbers: Numbers,
+    turn: Turn = Turn.FIXED,
 ) -> Rows | None:
-    """Errors on lines: zero where a phase begins and ends, shares of the tolerance elsewhere.
+    """Errors on pieces of a path, as shares of the tolerance; or zero at some knots.
 
-    None where there are no lines.
+    They are zero where the arm rests, and where it leaves the path or comes to it. None where the
+    tip follows no path.
     """
     knots = [
-        _Knot(k, i, phase.line, i in (0, phase.intervals))
+        _Knot(k, i, phase.piece, _is_exact(phases, k, i))
         for k, phase in enumerate(phases)
-        if phase.line is not None
+        if phase.piece is not None
         for i in range(phase.intervals + 1)
-        if i > 0 or not (k == 0 or phases[k - 1].rests)  # where it rested before, it already is
+        if i > 0 or not _continues(phases, k)
     ]
     if not knots:
         return None
-    parameters = ca.horzcat(*(numbers.lines[knot.number] for knot in knots))
-    share = ca.vertcat(*[1 / numbers.tolerance[0]] * 3, *[1 / numbers.tolerance[1]] * 3)
-    scale = ca.horzcat(*(ca.MX.ones(6) if knot.is_exact else share for knot in knots))
-    high = np.repeat([0.0 if knot.is_exact else 1.0 for knot in knots], 6)
-    return _rows(
-        _Constraints(knots, on_line(), parameters, scale, -high, high), unknowns, x, numbers
-    )
+    node = on_piece_about_axis() if turn is Turn.ABOUT_AXIS else on_piece()
+    size = node.value.size1_out(0)
+    parameters = ca.horzcat(*(numbers.pieces[knot.number] for knot in knots))
+    asked = ca.vertcat(ca.MX.ones(3), ca.MX.zeros(3) if turn is Turn.FREE else ca.MX.ones(size - 3))
+    shares = [1 / numbers.tolerance[0]] * 3 + [1 / numbers.tolerance[1]] * (size - 3)
+    scale = ca.horzcat(*(asked if k.is_exact else asked * ca.vertcat(*shares) for k in knots))
+    high = np.repeat([0.0 if knot.is_exact else 1.0 for knot in knots], size)
+    return _rows(_Constraints(knots, node, parameters, scale, -high, high), unknowns, x, numbers)
+
+
+def _continues(phases: Sequence[Phase], k: int) -> bool:
+    """Whether a phase begins where the tip is on its path already."""
+    return k == 0 or phases[k - 1].rests or phases[k - 1].piece is not None
+
+
+def _is_exact(phases: Sequence[Phase], k: int, i: int) -> bool:
+    if i == 0:
+        return not _continues(phases, k)
+    is_last = k == len(phases) - 1 or phases[k].rests or phases[k + 1].piece is None
+    return is_last and i == phases[k].intervals
+
+
+def tip_speed_rows(
+    phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
+) -> Rows | None:
+    """Square of the tip's speed, relative to the maximum, at the knots of a path."""
+    knots = [
+        _Knot(k, i, 0)
+        for k, phase in enumerate(phases)
+        for i in range(1, phase.intervals + (k < len(phases) - 1))
+    ]
+    parameters = ca.repmat(numbers.speed, 1, len(knots))
+    low, high = np.full(len(knots), -np.inf), np.ones(len(knots))
+    constraints = _Constraints(knots, speed(), parameters, ca.MX.ones(1, len(knots)), low, high)
+    return _rows(constraints, unknowns, x, numbers)
 
 
 def height_rows(
@@ -118,7 +152,7 @@ def speed_rows(
     if not ends:
         return None
     knots = [_Knot(k, i, 0, is_exact=True) for k, i, _ in ends]
-    parameters = ca.horzcat(*(ca.vertcat(numbers.lines[0], rates) for _, _, rates in ends))
+    parameters = ca.horzcat(*(ca.vertcat(numbers.pieces[0], rates) for _, _, rates in ends))
     high = np.zeros(12 * len(ends))
     constraints = _Constraints(knots, moving(), parameters, ca.MX.ones(12, len(ends)), high, high)
     return _rows(constraints, unknowns, x, numbers)
@@ -129,7 +163,7 @@ def _rows(constraints: _Constraints, unknowns: Unknowns, x: ca.MX, numbers: Numb
     functions, scale, count = constraints.functions, constraints.scale, len(constraints.knots)
     size, inputs = functions.value.size1_out(0), functions.value.size1_in(0)
     columns, weights = _inputs(constraints.knots, unknowns, inputs)
-    y = ca.vertcat(x, numbers.q_ends)
+    y = ca.vertcat(x, numbers.q_ends)  # no constraint is at the start of a moving arm
     rows = np.repeat(np.arange(count * inputs), columns.shape[2])
     sums = constant(rows, columns.ravel(), weights.ravel(), (count * inputs, y.shape[0]))
     arguments = ca.reshape(sums @ y, inputs, count), constraints.parameters, numbers.geometry
@@ -177,8 +211,8 @@ def _sums(columns: Indices, weights: FloatArray, size: int) -> tuple[SparseSum, 
 def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, FloatArray]:
     """The unknowns that form each knot's inputs, and weights: two of shape (knots, inputs, 3).
 
-    The inputs are the joint angles; or these and the fraction; or these, two derivatives by the
-    fraction of the duration, and the duration.
+    The inputs are the joint angles; or these and the fraction; or these, one or two derivatives by
+    the fraction of the duration, and the duration.
     """
     joints = unknowns.joints
     shape, orders = (len(knots), inputs, 3), max(1, inputs // joints)
@@ -229,11 +263,11 @@ class NodeFunctions:
         )
 
 
-def on_line() -> NodeFunctions:
-    """Error of the tip on a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
+def on_piece() -> NodeFunctions:
+    """Error of the tip on a piece: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
 
-    Relative to the pose at the fraction s of the way. The rotation is the sine of its angle, about
-    the axes of that pose; numbers are `line_numbers`.
+    Relative to the pose at the fraction s of the piece. The rotation is the sine of its angle,
+    about the axes of that pose; numbers are `piece_numbers`.
     """
     return _at_knots()[0]
 
@@ -243,39 +277,82 @@ def above() -> NodeFunctions:
     return _at_knots()[1]
 
 
+def on_piece_about_axis() -> NodeFunctions:
+    """The same as `on_piece`, for any rotation about the tip's z axis: e is 5 x 1.
+
+    The rotation is given by that axis, along x and y of the pose at the fraction s.
+    """
+    return _on_free_paths()[0]
+
+
+def speed() -> NodeFunctions:
+    """Square of the tip's speed relative to a maximum: z is (q, q', T), the number is the maximum.
+
+    q' is the derivative by the fraction of the duration T.
+    """
+    return _on_free_paths()[1]
+
+
 @cache
 def _at_knots() -> tuple[NodeFunctions, NodeFunctions]:
-    functions = _on_line(), _above()
-    machine_code = compiled([each for node in functions for each in node.all])
+    return _compiled(_on_piece(Turn.FIXED), _above())
+
+
+@cache
+def _on_free_paths() -> tuple[NodeFunctions, NodeFunctions]:
+    return _compiled(_on_piece(Turn.ABOUT_AXIS), _speed())
+
+
+def _compiled(first: NodeFunctions, second: NodeFunctions) -> tuple[NodeFunctions, NodeFunctions]:
+    """The same functions as machine code, where there is a compiler."""
+    machine_code = compiled([*first.all, *second.all])
     if machine_code is None:
-        return functions
+        return first, second
     return NodeFunctions(*machine_code[:3]), NodeFunctions(*machine_code[3:])
 
 
-def _on_line() -> NodeFunctions:
+def _on_piece(turn: Turn) -> NodeFunctions:
     q, p_tip, R_tip, geometry = _tip()
-    s, numbers = ca.SX.sym("s"), ca.SX.sym("line", LINE_NUMBERS)
-    p_start, R_start, way, axis, angle = ca.vertsplit(numbers, [0, 3, 12, 15, 18, 19])
+    s, numbers = ca.SX.sym("s"), ca.SX.sym("piece", PIECE_NUMBERS)
+    p_start, R_start, axis, angle, way, bend, twirl = ca.vertsplit(
+        numbers, [0, 3, 12, 15, 16, 19, 22, 25]
+    )
     cross = ca.skew(axis)
-    turn = ca.SX.eye(3) + ca.sin(angle * s) * cross + (1 - ca.cos(angle * s)) * cross @ cross
-    E = (turn @ ca.reshape(R_start, 3, 3)).T @ R_tip
+    turned = ca.SX.eye(3) + ca.sin(angle * s) * cross + (1 - ca.cos(angle * s)) * cross @ cross
+    E = (turned @ ca.reshape(R_start, 3, 3)).T @ R_tip
     skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
-    e = ca.vertcat(p_tip - p_start - s * way, skew)
-    return NodeFunctions.of("on_line", e, ca.vertcat(q, s), numbers, geometry)
+    rotation = E[:2, 2] if turn is Turn.ABOUT_AXIS else skew
+    e = ca.vertcat(p_tip - p_start - s * (way + s * (bend + s * twirl)), rotation)
+    return NodeFunctions.of(
+        "on_piece" if turn is Turn.FIXED else "on_piece_about_axis",
+        e,
+        ca.vertcat(q, s),
+        numbers,
+        geometry,
+    )
+
+
+def _speed() -> NodeFunctions:
+    q, p_tip, _, geometry = _tip()
+    dq, T, most = ca.SX.sym("dq", 7), ca.SX.sym("T"), ca.SX.sym("most")
+    e = ca.sumsqr(ca.jtimes(p_tip, q, dq)) / (most * T) ** 2
+    return NodeFunctions.of("speed", e, ca.vertcat(q, dq, T), most, geometry)
 
 
 @cache
 def moving() -> NodeFunctions:
-    """Difference of a tip's motion from one along a line: z is (q, q', q'', T), e is 12 x 1.
+    """Difference of a tip's motion from one along a straight piece: z is (q, q', q'', T).
 
-    Derivatives of q are by the fraction of the duration T; e is the tip's velocity, linear and
-    angular, and acceleration by that fraction, minus those of the line, m and rad. Numbers are
-    `line_numbers`, then first and second derivative of the line's fraction by time.
+    Derivatives of q are by the fraction of the duration T; e, 12 x 1, is the tip's velocity, linear
+    and angular, and acceleration by that fraction, minus those of the line, m and rad. Numbers are
+    `piece_numbers`, then first and second derivative of the line's fraction by time.
     """
     q, p_tip, R_tip, geometry = _tip()
     dq, ddq, T = ca.SX.sym("dq", 7), ca.SX.sym("ddq", 7), ca.SX.sym("T")
-    numbers = ca.SX.sym("numbers", LINE_NUMBERS + 2)
-    _, way, axis, angle, speed, acceleration = ca.vertsplit(numbers, [0, 12, 15, 18, 19, 20, 21])
+    numbers = ca.SX.sym("numbers", PIECE_NUMBERS + 2)
+    _, axis, angle, way, _, speed, acceleration = ca.vertsplit(
+        numbers, [0, 12, 15, 16, 19, 25, 26, 27]
+    )
     W = ca.reshape(ca.jtimes(ca.vec(R_tip), q, dq), 3, 3) @ R_tip.T
     twist = ca.vertcat(ca.jtimes(p_tip, q, dq), W[2, 1], W[0, 2], W[1, 0])
     state, rates = ca.vertcat(q, dq), ca.vertcat(dq, ddq)

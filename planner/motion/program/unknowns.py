@@ -14,10 +14,10 @@ from baxter_kin import Arm, JointLimits
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import dimensions_of
 from baxter_kin.validation import FloatArray, Indices
-from planner.motion.straight_line import StraightLine
+from planner.motion.paths.pieces import Piece
 
-LINE_NUMBERS = 19
-"""Initial position and rotation, displacement, axis and angle of the rotation."""
+PIECE_NUMBERS = 25
+"""Initial position and rotation, axis and angle of the turn, three coefficients of the position."""
 
 GEOMETRY_NUMBERS = 31 + 9 + 4
 """Dimensions of the chain, rotation of the tip, direction and offset of the vertical."""
@@ -25,14 +25,14 @@ GEOMETRY_NUMBERS = 31 + 9 + 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
-    """Indices of the unknowns; the joint angles of start and goal follow them.
+    """Indices of the unknowns; the given states of start and goal follow them.
 
     Attributes:
         count: number of unknowns.
         controls: of each phase, shape (n + 3, joints). Where the arm rests, three successive ones
             are the same.
         durations: of each phase, shape (phases,).
-        fractions: of the line at each knot, shape (n + 1,); None for phases without a line.
+        fractions: of the piece at each knot, shape (n + 1,); None for phases without a piece.
     """
 
     count: int
@@ -53,7 +53,7 @@ class Unknowns:
         controls, durations, fractions = [], [], []
         start, goal = np.arange(-2 * joints, 0).reshape(2, 1, joints)  # counted from the end
         none = np.zeros((0, joints), dtype=np.intp)
-        resting = none if phases[0].enters else start
+        resting = none if phases[0].enters or phases[0].is_moving else start
         for phase in phases:
             begin = np.repeat(resting, 3, axis=0)
             resting = goal if phase.at_goal else new(1, joints) if phase.rests else none
@@ -61,7 +61,7 @@ class Unknowns:
             inner = new(phase.intervals + 3 - len(begin) - len(end), joints)
             controls.append(np.concatenate([begin, inner, end]))
             durations.append(int(new(1)[0]))
-            fractions.append(None if phase.line is None else new(phase.intervals + 1))
+            fractions.append(None if phase.piece is None else new(phase.intervals + 1))
         total = count + 2 * joints  # with the angles of start and goal
         placed = tuple(np.where(where < 0, where + total, where) for where in controls)
         return cls(count, placed, np.array(durations), tuple(fractions))
@@ -83,22 +83,25 @@ class Numbers:
     Attributes:
         all: in a column.
         q_ends: angles of start and goal, two for each joint.
+        rates_start: initial velocity and acceleration, two for each joint.
         limits: of velocity, acceleration and jerk, three for each joint.
         geometry: `geometry_numbers`.
-        tolerance: of lines, m and rad, 2 x 1.
+        tolerance: of pieces, m and rad, 2 x 1.
+        speed: maximum speed of the tip, m per unit of time.
         rates: where a line is entered and left at speed, 4 x 1.
         heights: m, one for each phase with a minimum height.
-        lines: `line_numbers` of each.
+        pieces: `piece_numbers` of each.
     """
 
     def __init__(self, phases: Sequence[Phase], joints: int) -> None:
-        lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
+        pieces = 1 + max((phase.piece for phase in phases if phase.piece is not None), default=-1)
         heights = sum(phase.keeps_height for phase in phases)
-        sizes = [2 * joints, 3 * joints, GEOMETRY_NUMBERS, 2, 4, heights, *[LINE_NUMBERS] * lines]
+        sizes = [2 * joints, 2 * joints, 3 * joints, GEOMETRY_NUMBERS, 2, 1, 4, heights]
+        sizes += [PIECE_NUMBERS] * pieces
         self.all = ca.MX.sym("numbers", sum(sizes))
         parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
-        self.q_ends, self.limits, self.geometry, self.tolerance, self.rates, *parts = parts
-        self.heights, *self.lines = parts
+        self.q_ends, self.rates_start, self.limits, self.geometry, self.tolerance, *parts = parts
+        self.speed, self.rates, self.heights, *self.pieces = parts
 
 
 def numbers_of(
@@ -108,12 +111,15 @@ def numbers_of(
 
     Times are in units of `unit_s`.
     """
-    lines = [line_numbers(line, arm) for line in task.lines if arm is not None]
-    geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm)
+    pieces = [piece_numbers(piece, arm, task.axis) for piece in task.pieces if arm is not None]
+    geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm, task.axis)
     bounds = limits.v_max * unit_s, limits.a_max * unit_s**2, limits.j_max * unit_s**3
+    still = np.zeros_like(task.q_start)
+    moving = (still, still) if task.start_rates is None else task.start_rates
+    start = moving[0] * unit_s, moving[1] * unit_s**2
     rates = np.array(task.rates) * np.tile([unit_s, unit_s**2], 2)
-    few = np.array([*task.tolerance, *rates, *task.heights_m])
-    return np.concatenate([*ends_of(task), *bounds, geometry, few, *lines])
+    few = np.array([*task.tolerance, task.speed_m_s * unit_s, *rates, *task.heights_m])
+    return np.concatenate([*ends_of(task), *start, *bounds, geometry, few, *pieces])
 
 
 def ends_of(task: MotionTask) -> tuple[FloatArray, FloatArray]:
@@ -126,27 +132,30 @@ class Phase(NamedTuple):
 
     Attributes:
         intervals: of its spline.
-        line: number of the line that the tip follows; None where it is free.
-        ends: fractions of the line at the start and at the end.
+        piece: number of the piece that the tip follows; None where it is free.
+        ends: fractions of the piece at the start and at the end.
         rests: whether the arm rests at the end.
         at_goal: whether it rests there at the given configuration; its height on the way is then
             not bounded.
         enters: whether the tip has a given speed along its line at the start; for the first phase.
         leaves: the same at the end; for the last phase.
+        is_moving: whether the arm has a given velocity and acceleration at the start; for the first
+            phase.
     """
 
     intervals: int
-    line: int | None = None
+    piece: int | None = None
     ends: tuple[float, float] = (0.0, 1.0)
     rests: bool = False
     at_goal: bool = False
     enters: bool = False
     leaves: bool = False
+    is_moving: bool = False
 
     @property
     def keeps_height(self) -> bool:
         """Whether its tip stays above a height."""
-        return self.line is None and not self.at_goal
+        return self.piece is None and not self.at_goal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,37 +164,49 @@ class MotionTask:
 
     Attributes:
         q_start: initial configuration, shape (7,), rad.
-        lines: those of the phases, by their numbers.
-        tolerance: of the lines, at the knots, along and about each axis, m and rad.
+        pieces: those of the phases, by their numbers.
+        tolerance: of the pieces, at the knots, along and about each axis, m and rad.
         heights_m: minimum height of the tip in base, for each phase that keeps one.
         q_goal: final configuration at rest, if given, shape (7,), rad.
         rates: first and second time derivative of the fraction of the line where it is entered at
             speed, then where it is left.
+        start_rates: initial velocity and acceleration, shape (7,) each, rad/s and rad/s^2; None
+            at rest.
+        speed_m_s: maximum speed of the tip, in programs that bound it.
+        axis: of the tip, about which its rotation is free in programs that leave one free.
     """
 
     q_start: FloatArray
-    lines: tuple[StraightLine, ...] = ()
+    pieces: tuple[Piece, ...] = ()
     tolerance: tuple[float, float] = (1.0, 1.0)
     heights_m: tuple[float, ...] = ()
     q_goal: FloatArray | None = None
     rates: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    start_rates: tuple[FloatArray, FloatArray] | None = None
+    speed_m_s: float = 1.0
+    axis: str = "z"
 
 
-def line_numbers(line: StraightLine, arm: Arm) -> FloatArray:
-    """The parameters of a line of the tip, shape (19,)."""
-    first = _parameters(arm).T_base_first.inverse()
-    start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
-    angle = np.linalg.norm(turn)
-    axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
-    parts = start.translation, start.rotation.ravel("F"), first.rotation @ way
-    return np.concatenate([*parts, first.rotation @ axis, [angle]])
+def piece_numbers(piece: Piece, arm: Arm, axis: str = "z") -> FloatArray:
+    """The parameters of a piece of the tip's path, shape (25,); its z axis is `axis` of the tip."""
+    R = _parameters(arm).T_base_first.rotation.T
+    start = _parameters(arm).T_base_first.inverse() * piece.T_base_start
+    angle = piece.angle_rad
+    turn = R @ piece.turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    R_start = start.rotation @ _AS_Z[axis]
+    position = (R @ piece.coefficients.T).ravel("F")
+    return np.concatenate([start.translation, R_start.ravel("F"), turn, [angle], position])
 
 
 _parameters = lru_cache(maxsize=8)(DHParameters.of)
 
+_AS_Z = {axis: np.roll(np.eye(3), "zyx".index(axis), axis=1) for axis in "xyz"}
+"""Rotations whose third column is x, y or z."""
 
-def geometry_numbers(arm: Arm) -> FloatArray:
-    """The parameters of an arm, shape (44,)."""
+
+def geometry_numbers(arm: Arm, axis: str = "z") -> FloatArray:
+    """The parameters of an arm, shape (44,); the z axis of its tip is `axis` of the tip."""
     dh = _parameters(arm)
     up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
-    return np.concatenate([dimensions_of(dh), dh.T_last_tip.rotation.ravel("F"), up])
+    R_tip = dh.T_last_tip.rotation @ _AS_Z[axis]
+    return np.concatenate([dimensions_of(dh), R_tip.ravel("F"), up])

@@ -22,14 +22,13 @@ from planner import (
     plan_straight_move,
 )
 from planner.errors import MotionError
+from planner.motion.paths.pieces import MAX_FRACTION, MIN_LENGTH
 from planner.motion.straight_line import (
     DEFAULT_TOLERANCE,
     HALF_TURN_MARGIN_RAD,
-    MAX_FRACTION,
     MAX_INTERVAL_M,
     MAX_INTERVAL_RAD,
     MIN_KNOT_TOLERANCE,
-    MIN_LENGTH,
     MIN_TOLERANCE_M,
     MIN_TOLERANCE_RAD,
     intervals_of,

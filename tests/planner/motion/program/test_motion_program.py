@@ -28,7 +28,7 @@ from planner.motion.program.motion_program import (
     led_around,
 )
 from planner.motion.program.rows import Clearances, Rows, spline_rows
-from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
+from planner.motion.program.tip_rows import height_rows, path_rows, speed_rows
 from planner.motion.program.unknowns import MotionTask, Numbers, Phase, Unknowns
 from planner.splines import Sketch
 from tests.conftest import overhead
@@ -65,8 +65,8 @@ def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.parametrize(
     ("make", "phases"),
     [
-        *((make, PHASES) for make in (spline_rows, line_rows, height_rows)),
-        *((make, AT_SPEED) for make in (spline_rows, line_rows, speed_rows)),
+        *((make, PHASES) for make in (spline_rows, path_rows, height_rows)),
+        *((make, AT_SPEED) for make in (spline_rows, path_rows, speed_rows)),
         *((make, TO_GOAL) for make in (spline_rows, height_rows)),
     ],
 )

@@ -58,7 +58,7 @@ def rows_at(
     x[unknowns.durations] = durations_s
     start = controls[0][0] if q_start is None else q_start
     T = arm.T_base_tip(arm.neutral)
-    lines = tuple(StraightLine(T, raised(T, 0.1)) for phase in phases if phase.line is not None)
+    lines = tuple(StraightLine(T, raised(T, 0.1)) for phase in phases if phase.piece is not None)
     heights_m = (0.0,) * sum(phase.keeps_height for phase in phases)
     task = MotionTask(start, lines, heights_m=heights_m, q_goal=controls[-1][-1])
     return rows, value(x[: unknowns.count], numbers_of(task, arm, arm.limits)).full().ravel()

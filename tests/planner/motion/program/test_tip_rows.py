@@ -19,8 +19,8 @@ from planner.motion.program.rows import Rows
 from planner.motion.program.tip_rows import (
     above,
     height_rows,
-    line_rows,
-    on_line,
+    on_piece,
+    path_rows,
     speed_rows,
 )
 from planner.motion.program.unknowns import (
@@ -29,8 +29,8 @@ from planner.motion.program.unknowns import (
     Phase,
     Unknowns,
     geometry_numbers,
-    line_numbers,
     numbers_of,
+    piece_numbers,
 )
 from planner.splines import AT_KNOT, trajectory_of
 from tests.calibrated import calibrated_arm
@@ -74,7 +74,7 @@ class Drawn:
         turned = pin.SE3(pin.exp3(np.array([0.2, 0.0, 0.1])) @ T.rotation, T.translation)
         self.line = StraightLine(T, raised(turned, 0.1))
         (phase,) = phases
-        lines = () if phase.line is None else (self.line,)
+        lines = () if phase.piece is None else (self.line,)
         heights_m = (HEIGHT_M,) if phase.keeps_height else ()
         task = MotionTask(known[-14:-7], lines, TOLERANCE, heights_m, rates=RATES)
         given = numbers_of(task, arm, arm.limits)
@@ -84,7 +84,7 @@ class Drawn:
 
 def test_errors_on_a_line_are_those_of_the_tip_against_its_pose_at_the_fraction(arm: Arm) -> None:
     """In shares of the tolerance; the first knot is where the arm rested, so it is left out."""
-    drawn = Drawn(line_rows, ON_LINE, arm)
+    drawn = Drawn(path_rows, ON_LINE, arm)
     errors = drawn.g.reshape(-1, 2, 3)
     assert len(errors) == ON_LINE[0].intervals
     for i, error in enumerate(errors[:-1], 1):
@@ -98,7 +98,7 @@ def test_errors_on_a_line_are_those_of_the_tip_against_its_pose_at_the_fraction(
 
 
 def test_the_end_of_a_line_is_exact_and_the_tip_is_near_in_between(arm: Arm) -> None:
-    rows = Drawn(line_rows, ON_LINE, arm).rows
+    rows = Drawn(path_rows, ON_LINE, arm).rows
     assert rows.high.tolist() == [1.0] * 18 + [0.0] * 6
     np.testing.assert_array_equal(rows.low, -rows.high)
 
@@ -138,7 +138,7 @@ def test_speeds_are_those_of_the_tip_less_those_of_the_line(arm: Arm, end: int) 
 
 
 @pytest.mark.parametrize(
-    ("make", "phases"), [(line_rows, FREE), (height_rows, ON_LINE), (speed_rows, ON_LINE)]
+    ("make", "phases"), [(path_rows, FREE), (height_rows, ON_LINE), (speed_rows, ON_LINE)]
 )
 def test_there_are_none_where_nothing_is_asked_for(
     make: Callable[..., Rows | None], phases: tuple[Phase, ...]
@@ -165,8 +165,8 @@ def test_the_error_on_a_line_is_that_of_the_line(placed: Arm, seed: int) -> None
     T = placed.T_base_tip(placed.random_configuration(rng))
     turn = pin.exp3(rng.uniform(0.0, 1.5) * rng.normal(size=3) / 2.0)
     line = StraightLine(T, pin.SE3(turn @ T.rotation, T.translation + rng.normal(size=3)))
-    numbers = line_numbers(line, placed), geometry_numbers(placed)
-    found = np.array(on_line().value([*q, s], *numbers)).ravel()
+    numbers = piece_numbers(line, placed), geometry_numbers(placed)
+    found = np.array(on_piece().value([*q, s], *numbers)).ravel()
     reached, wanted = placed.T_base_tip(q), line.at(s)
     distance_m = np.linalg.norm(reached.translation - wanted.translation)
     assert np.linalg.norm(found[:3]) == pytest.approx(distance_m, abs=NODE_ROUNDING)

@@ -19,8 +19,8 @@ from planner.motion.program.unknowns import (
     Unknowns,
     ends_of,
     geometry_numbers,
-    line_numbers,
     numbers_of,
+    piece_numbers,
 )
 
 CYCLE = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))
@@ -53,7 +53,7 @@ def test_each_phase_has_controls_fractions_and_a_duration_of_its_own(
     assert len(set(found.durations.tolist())) == len(phases)
     for phase, controls, fractions in zip(phases, found.controls, found.fractions, strict=True):
         assert controls.shape == (phase.intervals + 3, 7)
-        knots = None if phase.line is None else phase.intervals + 1
+        knots = None if phase.piece is None else phase.intervals + 1
         assert (None if fractions is None else len(fractions)) == knots
 
 
@@ -101,9 +101,9 @@ def test_each_number_of_a_task_stands_where_the_program_reads_it(arm: Arm, unit_
         "rates": [0.1 * unit_s, 0.2 * unit_s**2, 0.3 * unit_s, 0.4 * unit_s**2],
         "heights": task.heights_m,
     }
-    asked = [*(getattr(numbers, name) for name in expected), *numbers.lines]
+    asked = [*(getattr(numbers, name) for name in expected), *numbers.pieces]
     found = ca.Function("read", [numbers.all], asked).call([given])
-    wanted = [*expected.values(), *(line_numbers(line, arm) for line in lines)]
+    wanted = [*expected.values(), *(piece_numbers(line, arm) for line in lines)]
     for one, other in zip(found, wanted, strict=True):
         np.testing.assert_allclose(one.full().ravel(), other, rtol=1e-12)
 
@@ -117,8 +117,8 @@ def test_without_a_goal_the_start_stands_in_its_place(left: Arm) -> None:
     [
         (Phase(4), True),
         (Phase(4, rests=True), True),
-        (Phase(4, line=0), False),
-        (Phase(4, line=1, enters=True), False),
+        (Phase(4, piece=0), False),
+        (Phase(4, piece=1, enters=True), False),
         (Phase(4, rests=True, at_goal=True), False),
     ],
 )

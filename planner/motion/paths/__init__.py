@@ -1,0 +1,1 @@
+"""Paths of the tip: their pieces, and time-optimal motion along them."""

@@ -1,0 +1,198 @@
+"""Time-optimal motion of the tip along a path, without stops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin.display import seconds
+from baxter_kin.fields import array, frozen, sequence
+from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import FloatArray, expect, finite_array, positive_scalar
+from planner.collision.context import CollisionContext
+from planner.errors import MotionError, PathMoveError
+from planner.manipulator import Manipulator
+from planner.motion.joint_move import checked_start
+from planner.motion.paths.chain import NoChain, find_chain
+from planner.motion.paths.deviation import Deviations, deviations
+from planner.motion.paths.path import TipPath, graded, pieces_of
+from planner.motion.paths.pieces import Piece
+from planner.motion.paths.windows import PathTask, Windows
+from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
+from planner.trajectory import Trajectory, joined
+
+START_M, START_RAD = 1e-6, 1e-5
+"""Maximum distance of the tip from the start of the path."""
+
+RAMP_M, SPEED_RAMP_M, RAMP_POWER = 0.008, 0.004, 0.4
+"""Length of the pieces beside corners for the default tolerance, and where the speed is set; and
+the power of the tolerance with which it grows, since a larger one makes rounder corners."""
+
+SLOWER, SAMPLE_S = 0.98, 0.002
+"""A tip below this share of a set speed is slower; distance of the samples that show it."""
+
+
+@frozen(error=MotionError)
+class PathMove:
+    """A motion of the tip along a path.
+
+    Attributes:
+        trajectory: of the joints.
+        pieces: of the path, in order.
+        ends_s: when the tip passes the end of each piece, shape (n,), s.
+        tolerance: maximum deviation of the tip from the path.
+        speed_m_s: the set speed of the tip; None for a motion as fast as the joints allow.
+    """
+
+    trajectory: Trajectory
+    pieces: tuple[Piece, ...] = sequence()
+    ends_s: FloatArray = array(None)
+    tolerance: LineTolerance = DEFAULT_TOLERANCE
+    speed_m_s: float | None = None
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path."""
+        return sum(piece.length_m for piece in self.pieces)
+
+    def deviations(self, arm: Arm, times_s: ArrayLike) -> Deviations:
+        """How far the tip is from the path at some times.
+
+        Args:
+            arm: the arm that moves.
+            times_s: shape (m,), s, within the motion.
+        """
+        times = finite_array(times_s, (None,), "times_s", MotionError)
+        numbers = np.searchsorted(self.ends_s, times).clip(max=len(self.pieces) - 1)
+        tips = arm.T_base_tips(self.trajectory.sample(times).q)
+        return deviations(self.pieces, self.tolerance, tips, numbers)
+
+    def slower_s(self, arm: Arm) -> tuple[tuple[float, float], ...]:
+        """When the tip is more than 2 % slower than the set speed: from when to when, s.
+
+        It is at the ends of the path, and where limits or corners do not allow the speed. Empty
+        without a set speed. Times are as close as samples 2 ms apart.
+        """
+        if self.speed_m_s is None:
+            return ()
+        motion = self.trajectory
+        times = np.linspace(0.0, motion.duration, 2 + int(motion.duration / SAMPLE_S))
+        positions = arm.T_base_tips(motion.sample(times).q)[:, :3, 3]
+        speeds = np.linalg.norm(np.gradient(positions, times, axis=0), axis=1)
+        is_slow = np.concatenate([[False], speeds < SLOWER * self.speed_m_s, [False]])
+        changes = np.flatnonzero(np.diff(is_slow.astype(np.int8)))
+        return tuple(
+            (float(times[first]), float(times[last - 1]))
+            for first, last in zip(changes[::2], changes[1::2], strict=True)
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"{self.length_m:.3g} m", seconds(self.trajectory.duration)
+
+
+def plan_path_move(
+    manipulator: Manipulator,
+    q_start: ArrayLike | None,
+    path: TipPath | Sequence[TipPath],
+    *,
+    tolerance: LineTolerance = DEFAULT_TOLERANCE,
+    speed_m_s: float | None = None,
+    stop_at_corners: bool = False,
+    context: CollisionContext | None = None,
+) -> PathMove:
+    """The fastest motion of the tip along a path, from rest to rest.
+
+    At samples at most 2 ms apart there is a point of the path from which the tip is no farther than
+    the tolerance, in position and in rotation. Corners are rounded within it.
+
+    Args:
+        manipulator: the arm whose tip moves.
+        q_start: configuration at the start of the path, shape (7,), rad; None for the one from
+            which the path is followed fastest.
+        path: a polyline, an arc or a curve of the tip, or several that follow one another.
+        tolerance: maximum deviation of the tip; it may leave the rotation about an axis free.
+        speed_m_s: speed that the tip keeps where limits and corners allow it
+            (`PathMove.slower_s`); as fast as possible when not given.
+        stop_at_corners: whether the arm rests at corners instead of rounding them.
+        context: the surroundings of the arm, of which the motion is proven to be clear.
+
+    Raises:
+        ConfigurationError: when `q_start` has another shape, is not finite or outside the limits.
+        PoseError: when a pose is invalid.
+        PathMoveError: when the arm cannot reach or follow the path, with the length up to there.
+        MotionError: when the path is none, or does not begin where the tip is at `q_start`, or an
+            argument has the wrong type.
+    """
+    expect(manipulator, Manipulator, "manipulator", MotionError)
+    expect(tolerance, LineTolerance, "tolerance", MotionError)
+    limits, arm = manipulator.limits, manipulator.arm
+    if speed_m_s is not None:
+        speed_m_s = positive_scalar(speed_m_s, "speed_m_s", MotionError)
+    ramp_m = RAMP_M if speed_m_s is None else SPEED_RAMP_M
+    ramp_m *= (tolerance.position_m / DEFAULT_TOLERANCE.position_m) ** RAMP_POWER
+    pieces = graded(pieces_of(path), ramp_m)
+    is_free = None
+    if context is not None:
+        is_free = expect(context, CollisionContext, "context", MotionError).is_free
+    q = None if q_start is None else checked_start(q_start, limits)
+    if q is not None:
+        _refuse_other_start(arm, q, pieces[0], tolerance)
+    chain = find_chain(manipulator.ik, limits, pieces, tolerance, q_start=q, is_free=is_free)
+    if isinstance(chain, NoChain):
+        raise _unreachable(manipulator, pieces, chain)
+    task = PathTask(pieces, tolerance, stop_at_corners, speed_m_s, context)
+    motions = Windows(arm, limits, task, chain).motions()
+    if len(motions) < len(pieces):
+        raise _at_waypoint(pieces, len(motions), "no motion is found along the piece after it")
+    move = PathMove(
+        joined(motions),
+        pieces,
+        np.cumsum([motion.duration for motion in motions]),
+        tolerance,
+        speed_m_s,
+    )
+    times = np.linspace(0.0, move.trajectory.duration, 2 + int(move.trajectory.duration / SAMPLE_S))
+    off = move.deviations(arm, times)
+    worst = int(off.share.argmax())
+    if off.share[worst] > 1.0:
+        number = int(np.searchsorted(move.ends_s, times[worst]).clip(max=len(pieces) - 1))
+        raise _at_waypoint(
+            pieces,
+            number,
+            f"the motion that is found there is {1e3 * off.off_m[worst]:.3g} mm and "
+            f"{off.off_rad[worst]:.3g} rad off; a larger tolerance may help",
+        )
+    if context is not None:
+        proof = context.prove(move.trajectory)
+        if not proof.is_clear:
+            raise MotionError(f"no motion along the path is proven clear: {proof}")
+    return move
+
+
+def _refuse_other_start(arm: Arm, q: FloatArray, piece: Piece, tolerance: LineTolerance) -> None:
+    tip = arm.T_base_tip(q).homogeneous[None]
+    start = Piece(piece.T_base_start, np.zeros((3, 3)), np.zeros(3))
+    exact = LineTolerance(START_M * 2.0, START_RAD, tolerance.free_about)
+    off = deviations([start], exact, tip, np.zeros(1, dtype=np.intp))
+    if off.share[0] > 1.0:
+        raise MotionError(
+            f"at q_start the tip is {1e3 * off.off_m[0]:.4g} mm and {off.off_rad[0]:.4g} rad from "
+            "the start of the path; move it there first, or let q_start be None"
+        )
+
+
+def _unreachable(manipulator: Manipulator, pieces: Sequence[Piece], at: NoChain) -> PathMoveError:
+    """Why there is no chain of configurations."""
+    if at.is_reachable:
+        reason = "no configuration there can be reached along the path"
+        return _at_waypoint(pieces, at.waypoint, reason)
+    T = pieces[at.waypoint - 1].T_base_goal if at.waypoint else pieces[0].T_base_start
+    found = manipulator.ik.solve(T)
+    reason = "no configuration is found there" if found.is_valid else str(found.failure)
+    return _at_waypoint(pieces, at.waypoint, reason)
+
+
+def _at_waypoint(pieces: Sequence[Piece], number: int, reason: str) -> PathMoveError:
+    return PathMoveError(sum(piece.length_m for piece in pieces[:number]), reason)
