@@ -12,7 +12,7 @@ A slack above zero shows that the limits forbid the tolerance at this speed. The
 are left out at first, since the mean alone mostly keeps the tolerance. IPOPT solves the program
 with the predictor and corrector of Mehrotra ("On the implementation of a primal-dual interior point
 method", SIAM J. Optimization 2, 1992). A recording that begins or ends in motion is run more slowly
-there, as from rest (`from_rest_to_rest`).
+there, as from rest, where this brings the motion much nearer.
 
 **As fast as the limits allow**, only the path counts. The smoothed recording is cut into stretches,
 pauses are left out, and each stretch becomes a polynomial P(s) in 0..1. The motion has a uniform
@@ -42,9 +42,10 @@ from planner.motion.program.rows import constant
 from planner.splines import AT_KNOT, DIFFERENCES, Sketch, trajectory_of, weights_at
 from planner.trajectory import Trajectory, joined
 
-INTERVAL_S, MIN_INTERVALS = 0.05, 16
-"""Length of an interval of the spline at the recorded speed, and minimum number of intervals. With
-twice the length, motions that use the limits fully are followed only within 9 mrad."""
+INTERVAL_S, SHORT_S, FEW, MIN_INTERVALS = 0.05, 0.01, 16, 4
+"""Length of an interval of the spline at the recorded speed; the length down to which there are at
+least so many; and their minimum number. With twice the length, motions that use the limits fully
+are followed only within 9 mrad."""
 
 SLACK_COST = 1e3
 """Cost of one tolerance of slack; it is exact, as no multiplier of the samples is greater."""
@@ -53,10 +54,13 @@ NEAR, ROUNDING = 0.5, 1e-3
 """Share of the tolerance from which on a sample gets a row once another one is too far, and share
 by which it may be too far by rounding."""
 
-END_S, MOVING_RAD_S, SHARE = 0.2, 0.1, 0.3
-"""Time from which the speed at an end is estimated, by a parabola; from which speed on the arm is
-taken to be in motion there; and share of the limits that a start from rest may use. For the fastest
-start from rest, the estimate is 0.06 rad/s, and noise of 1 mrad adds 0.014 rad/s."""
+EASY, LATER = 0.6, 0.8
+"""Share of the tolerance that is used at most by a motion that keeps the recorded times at its ends
+with ease; and the share of its deviation that a motion with later times must stay below."""
+
+END_S, MIN_RAD_S, SHARE = 0.2, 0.1, 0.3
+"""Time from which the speed at an end is estimated, by a parabola; the minimum of that estimate,
+which noise would make too low; and share of the limits that a start from rest may use."""
 
 STRETCH_RAD, STRETCH_SAMPLES = 0.15, 60
 """Maximum travel of a joint along a stretch, and maximum number of its samples."""
@@ -120,7 +124,7 @@ _QUADRATIC: dict[str, Any] = _OPTIONS | {
 _FASTEST: dict[str, Any] = _OPTIONS | {
     "no_nlp_grad": True,
     "ipopt.tol": 1e-3,  # later iterations gain less than a thousandth
-    "ipopt.max_iter": 150,
+    "ipopt.max_iter": 80,  # most need 20 to 50
     "ipopt.mu_init": 1e-3,
     "ipopt.bound_push": 1e-3,
     "ipopt.bound_frac": 1e-3,
@@ -159,6 +163,9 @@ def at_recorded_speed(
 ) -> NearMotion:
     """The smooth motion near samples at their times, from rest to rest.
 
+    Where samples begin or end in motion, they may have to be passed later, by a constant time in
+    between (`from_rest_to_rest`).
+
     Args:
         times_s: from 0, increasing, at least two, shape (m,).
         q: shape (m, joints), rad.
@@ -170,6 +177,21 @@ def at_recorded_speed(
     Raises:
         MotionError: when no solution is found.
     """
+    found = _near(times_s, q, limits, tolerance_rad, q_start)
+    if found.deviation_rad <= EASY * tolerance_rad:
+        return found
+    later_s = from_rest_to_rest(times_s, q, limits)
+    later = _near(later_s, q, limits, tolerance_rad, q_start)
+    return later if later.deviation_rad < LATER * found.deviation_rad else found
+
+
+def _near(
+    times_s: FloatArray,
+    q: FloatArray,
+    limits: JointLimits,
+    tolerance_rad: float,
+    q_start: FloatArray | None,
+) -> NearMotion:
     trajectory = _smoothed(times_s, q, limits, tolerance_rad, q_start)
     return NearMotion(trajectory, trajectory.sample(times_s).q - q)
 
@@ -186,6 +208,7 @@ def as_fast_as_possible(
     Raises:
         MotionError: when no motion is found.
     """
+    times_s = from_rest_to_rest(times_s, q, limits)
     path = _path(times_s, q, limits, PATH_SHARE * tolerance_rad, q_start)
     stretches = _stretches(path, PLAY * tolerance_rad)
     if not stretches:
@@ -203,10 +226,10 @@ def as_fast_as_possible(
 
 
 def from_rest_to_rest(times_s: FloatArray, q: FloatArray, limits: JointLimits) -> FloatArray:
-    """The times of samples, later where the recording begins or ends in motion, shape (m,).
+    """Times of samples that begin and end at rest, shape (m,).
 
-    There, recorded time starts to run smoothly, from standstill: its rate is u^2 (3 - 2 u), u from
-    0 to 1. So the path stays as it is, and the arm is at rest at both ends.
+    At both ends, recorded time starts to run smoothly, from standstill: its rate is u^2 (3 - 2 u),
+    u from 0 to 1. So the path stays as it is, and the arm is at rest at both ends.
     """
     begun = times_s + _delays(times_s, q, limits)
     delays = _delays(begun[-1] - begun[::-1], q[::-1], limits)[::-1]
@@ -218,9 +241,7 @@ def _delays(times_s: FloatArray, q: FloatArray, limits: JointLimits) -> FloatArr
     """By how much later than in `times_s` samples are reached from rest."""
     first = times_s <= max(END_S, times_s[min(2, len(times_s) - 1)])
     degree = min(2, int(first.sum()) - 1)
-    speeds = np.abs(np.polyfit(times_s[first], q[first], degree)[-2]) if degree > 0 else np.zeros(7)
-    if speeds.max() <= MOVING_RAD_S:
-        return np.zeros_like(times_s)
+    speeds = np.abs(np.polyfit(times_s[first], q[first], degree)[-2]).clip(min=MIN_RAD_S)
     by_acceleration = 1.5 * speeds / (SHARE * limits.a_max)  # greatest slopes of the rate
     ramp_s = max(by_acceleration.max(), np.sqrt(6.0 * speeds / (SHARE * limits.j_max)).max())
     u = np.linspace(0.0, 1.0, 200)
@@ -266,7 +287,8 @@ class _Smoothing:
 
     def __init__(self, times_s: FloatArray, tolerance_rad: float, is_limited: bool) -> None:
         duration_s, samples = float(times_s[-1]), len(times_s)
-        intervals = max(MIN_INTERVALS, math.ceil(duration_s / INTERVAL_S))
+        few = min(FEW, math.ceil(duration_s / SHORT_S))
+        intervals = max(MIN_INTERVALS, few, math.ceil(duration_s / INTERVAL_S))
         step_s = duration_s / intervals
         self._count = intervals - 1
         self._tolerance, self._is_limited = tolerance_rad, is_limited

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from sim.recording.formats.rsdk_csv import write_csv as write_csv
     from sim.recording.recorded_motion import ArmMotion as ArmMotion
     from sim.recording.recorded_motion import RecordedMove as RecordedMove
+    from sim.recording.recorded_plan import RecordedPlan as RecordedPlan
+    from sim.recording.recorded_plan import motion_from as motion_from
     from sim.recording.recording import Commands as Commands
     from sim.recording.recording import NotedRecording as NotedRecording
     from sim.recording.recording import fit_response as fit_response
@@ -23,7 +25,9 @@ __all__, __getattr__ = lazy(
         "NotedRecording": "sim.recording.recording",
         "PlanCsvFile": "sim.recording.formats.rsdk_csv",
         "RecordedMove": "sim.recording.recorded_motion",
+        "RecordedPlan": "sim.recording.recorded_plan",
         "fit_response": "sim.recording.recording",
+        "motion_from": "sim.recording.recorded_plan",
         "write_csv": "sim.recording.formats.rsdk_csv",
     },
 )

@@ -52,11 +52,11 @@ MAKERS = {"planned": planned, "guided": guided}
 
 
 def noisy(q: FloatArray, rng: np.random.Generator) -> FloatArray:
-    return q + NOISE_RAD * rng.normal(size=q.shape)
+    return np.asarray(q + NOISE_RAD * rng.normal(size=q.shape))
 
 
-def times_of(q: FloatArray, arm: Arm) -> FloatArray:
-    return from_rest_to_rest(STEP_S * np.arange(len(q)), q, arm.limits)
+def times_of(q: FloatArray) -> FloatArray:
+    return np.asarray(STEP_S * np.arange(len(q)))
 
 
 def assert_within_limits(motion: Trajectory) -> None:
@@ -79,12 +79,10 @@ def test_at_the_recorded_speed_a_motion_is_near_every_sample_and_smooth(
     clean = MAKERS[kind](any_arm, rng)
     q = noisy(clean, rng)
     found, smooth = (
-        at_recorded_speed(times_of(each, any_arm), each, any_arm.limits, TOLERANCE_RAD)
+        at_recorded_speed(times_of(each), each, any_arm.limits, TOLERANCE_RAD)
         for each in (q, clean)
     )
     assert_within_limits(found.trajectory)
-    off_rad = found.trajectory.sample(times_of(q, any_arm)).q - q
-    np.testing.assert_array_equal(found.off_rad, off_rad)
     assert found.deviation_rad <= 0.6 * TOLERANCE_RAD
     jerk, least = (np.sqrt(np.square(each.trajectory.j).mean()) for each in (found, smooth))
     assert jerk <= 1.1 * least
@@ -92,7 +90,7 @@ def test_at_the_recorded_speed_a_motion_is_near_every_sample_and_smooth(
 
 def test_a_speed_beyond_the_limits_costs_the_tolerance_not_the_limits(left: Arm) -> None:
     q = guided(left, np.random.default_rng(0), speed=4.0)
-    found = at_recorded_speed(times_of(q, left), q, left.limits, TOLERANCE_RAD)
+    found = at_recorded_speed(times_of(q), q, left.limits, TOLERANCE_RAD)
     assert_within_limits(found.trajectory)
     assert found.deviation_rad > TOLERANCE_RAD
 
@@ -102,7 +100,7 @@ def test_the_fastest_motion_passes_every_sample_and_leaves_pauses_out(left: Arm,
     """Distances are measured here to a denser sample of the whole motion than in the code."""
     rng = np.random.default_rng(3)
     q = noisy(MAKERS[kind](left, rng), rng)
-    times_s = times_of(q, left)
+    times_s = times_of(q)
     found = as_fast_as_possible(times_s, q, left.limits, TOLERANCE_RAD)
     assert_within_limits(found.trajectory)
     assert found.deviation_rad <= TOLERANCE_RAD
@@ -119,7 +117,7 @@ Make = Callable[..., NearMotion]
 def test_a_motion_starts_where_the_last_one_ended(left: Arm, make: Make) -> None:
     q = guided(left, np.random.default_rng(1))[:200]
     start = q[0] + 0.002
-    found = make(times_of(q, left), q, left.limits, TOLERANCE_RAD, start)
+    found = make(times_of(q), q, left.limits, TOLERANCE_RAD, start)
     np.testing.assert_allclose(found.trajectory.q_start, start, rtol=0.0, atol=1e-8)
 
 
@@ -127,7 +125,7 @@ def test_a_motion_starts_where_the_last_one_ended(left: Arm, make: Make) -> None
 @pytest.mark.parametrize("rows", [2, 3, 10, 300])
 def test_an_arm_that_stands_still_stays_where_it_is(left: Arm, make: Make, rows: int) -> None:
     q = noisy(np.tile(left.start, (rows, 1)), np.random.default_rng(2))
-    found = make(times_of(q, left), q, left.limits, TOLERANCE_RAD)
+    found = make(times_of(q), q, left.limits, TOLERANCE_RAD)
     assert_within_limits(found.trajectory)
     assert np.abs(found.trajectory.q - left.start).max() <= 5.0 * NOISE_RAD
 
@@ -137,27 +135,33 @@ def test_samples_may_be_rare_and_irregular(left: Arm) -> None:
     q = guided(left, rng)
     rows = np.sort(rng.choice(len(q), 150, replace=False))
     times_s = STEP_S * (rows - rows[0])
-    times_s = from_rest_to_rest(times_s, q[rows], left.limits)
     for make in (at_recorded_speed, as_fast_as_possible):
         found = make(times_s, q[rows], left.limits, TOLERANCE_RAD)
         assert_within_limits(found.trajectory)
         assert found.deviation_rad <= TOLERANCE_RAD
 
 
+def test_samples_are_passed_at_their_times(left: Arm) -> None:
+    q = planned(left, np.random.default_rng(0))
+    found = at_recorded_speed(times_of(q), q, left.limits, TOLERANCE_RAD)
+    off_rad = found.trajectory.sample(times_of(q)).q - q
+    assert found.trajectory.duration == times_of(q)[-1]
+    np.testing.assert_array_equal(found.off_rad, off_rad)
+
+
 def test_a_recording_in_motion_is_begun_and_ended_more_slowly(left: Arm) -> None:
-    """In between, time runs as recorded; one that rests at its ends is left as it is."""
-    q = guided(left, np.random.default_rng(0))
-    times_s = STEP_S * np.arange(len(q))
-    moving = q[200:400]
-    eased_s = from_rest_to_rest(times_s[:200], moving, left.limits)
-    gaps = np.diff(eased_s)
-    assert eased_s[0] == 0.0
+    """In between, time runs as recorded."""
+    q = guided(left, np.random.default_rng(0))[200:400]
+    later_s = from_rest_to_rest(times_of(q), q, left.limits)
+    gaps = np.diff(later_s)
+    assert later_s[0] == 0.0
     assert (gaps >= STEP_S - 1e-9).all()
     assert min(gaps[0], gaps[-1]) > 2.0 * STEP_S
     np.testing.assert_allclose(gaps[80:120], STEP_S, rtol=0.0, atol=1e-9)
-    resting = planned(left, np.random.default_rng(0))
-    times_s = STEP_S * np.arange(len(resting))
-    np.testing.assert_array_equal(times_of(resting, left), times_s)
+    found = at_recorded_speed(times_of(q), q, left.limits, TOLERANCE_RAD)
+    assert_within_limits(found.trajectory)
+    assert found.deviation_rad <= 0.6 * TOLERANCE_RAD
+    assert found.trajectory.duration == later_s[-1]
 
 
 def test_tiny_parts_between_pauses_are_kept(left: Arm) -> None:
@@ -165,7 +169,7 @@ def test_tiny_parts_between_pauses_are_kept(left: Arm) -> None:
     levels = np.cumsum(np.r_[np.zeros(1), np.full(6, 0.005)])
     q = np.repeat(left.start[None], 7 * 50, axis=0)
     q[:, 1] += np.repeat(levels, 50)
-    found = as_fast_as_possible(times_of(q, left), q, left.limits, TOLERANCE_RAD)
+    found = as_fast_as_possible(times_of(q), q, left.limits, TOLERANCE_RAD)
     assert_within_limits(found.trajectory)
     assert found.deviation_rad <= TOLERANCE_RAD
     assert abs(found.trajectory.q_goal[1] - q[-1, 1]) <= TOLERANCE_RAD
