@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from baxter_kin.validation import FloatArray, Indices
 from planner.errors import MotionError
+from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.program.rows import constant
 from planner.splines import AT_KNOT, DIFFERENCES, Sketch, trajectory_of, weights_at
 from planner.trajectory import Trajectory, joined
@@ -54,9 +55,10 @@ NEAR, ROUNDING = 0.5, 1e-3
 """Share of the tolerance from which on a sample gets a row once another one is too far, and share
 by which it may be too far by rounding."""
 
-EASY, LATER = 0.6, 0.8
+EASY, NEAR_END_S, LATER = 0.6, 1.0, 0.8
 """Share of the tolerance that is used at most by a motion that keeps the recorded times at its ends
-with ease; and the share of its deviation that a motion with later times must stay below."""
+with ease; time from an end within which its greatest deviation else is; and the share of that
+deviation that a motion with later times must stay below."""
 
 END_S, MIN_RAD_S, SHARE = 0.2, 0.1, 0.3
 """Time from which the speed at an end is estimated, by a parabola; the minimum of that estimate,
@@ -78,7 +80,7 @@ motions are faster by 0.5 %, for 1.7 times the cost."""
 
 SLOWER = 1.2
 """Duration of a guess, relative to the recorded one, or to the shortest one within the limits at
-the recorded profile of speed. From rest to rest in each stretch, windows fail."""
+the recorded profile of speed, or from and to rest at the ends of the window."""
 
 PATH_SHARE, FITS = 0.5, (1.0, 0.5, 0.25)
 """Share of the tolerance for the distance of the smoothed path from the samples; and the shares of
@@ -178,7 +180,9 @@ def at_recorded_speed(
         MotionError: when no solution is found.
     """
     found = _near(times_s, q, limits, tolerance_rad, q_start)
-    if found.deviation_rad <= EASY * tolerance_rad:
+    worst_s = float(times_s[np.abs(found.off_rad).max(axis=1).argmax()])
+    is_inside = NEAR_END_S < worst_s < times_s[-1] - NEAR_END_S
+    if is_inside or found.deviation_rad <= EASY * tolerance_rad:
         return found
     later_s = from_rest_to_rest(times_s, q, limits)
     later = _near(later_s, q, limits, tolerance_rad, q_start)
@@ -419,16 +423,44 @@ class _Stretch(NamedTuple):
     duration_s: float
     end_s: float
 
-    def sketch(self, intervals: int, *, stops: bool) -> Sketch:
-        """A guess, slower than recorded; `stops`: whether it ends at rest."""
+    @property
+    def ends(self) -> FloatArray:
+        """The first and the last position, shape (2, joints), rad."""
+        return np.array([self.coefficients[0], self.coefficients.sum(axis=0)])
+
+    def sketch(self, intervals: int, duration_s: float, *, stops: bool) -> Sketch:
+        """A guess of the motion along it; `stops`: whether it ends at rest."""
         t = np.linspace(0.0, 1.0, intervals + 1)
         s = t + t**2 - t**3 if stops else t
         slopes = np.arange(DEGREE + 1) * (not stops)
         ends = np.array([self.coefficients[1], slopes @ self.coefficients])
-        duration_s = SLOWER * self.duration_s
-        return Sketch(
-            np.vander(s, DEGREE + 1, True) @ self.coefficients, ends / duration_s, duration_s
-        )
+        q: FloatArray = np.vander(s, DEGREE + 1, increasing=True) @ self.coefficients
+        return Sketch(q, ends / duration_s, duration_s)
+
+
+def _sketches(
+    stretches: Sequence[_Stretch], intervals: int, limits: JointLimits, *, rests: bool
+) -> Iterator[Sketch]:
+    """Guesses along stretches, slower than recorded, to rest.
+
+    Args:
+        stretches: in order.
+        intervals: of each.
+        limits: of the joints.
+        rests: whether the arm is at rest before them, too.
+    """
+    ends = np.array([stretch.ends for stretch in stretches])
+    times_s = [_from_rest_s(ends - ends[-1, 1], limits)[:, ::-1]]
+    times_s += [_from_rest_s(ends - ends[0, 0], limits)] * rests
+    durations_s = np.max([np.diff(each, axis=1)[:, 0] for each in times_s], axis=0)
+    for number, stretch in enumerate(stretches, 1):
+        duration_s = SLOWER * max(stretch.duration_s, float(durations_s[number - 1]))
+        yield stretch.sketch(intervals, duration_s, stops=number == len(stretches))
+
+
+def _from_rest_s(displacement: FloatArray, limits: JointLimits) -> FloatArray:
+    """Times after which the arm, accelerating from rest, is so far away, shape (...,), s."""
+    return 0.5 * rest_to_rest_s(2.0 * displacement, limits)
 
 
 def _stretches(path: Trajectory, play_rad: float) -> list[_Stretch]:
@@ -506,6 +538,13 @@ class _Piece(NamedTuple):
         step_s = self.duration_s / (len(self.controls) - 3)
         return _State(*(w @ self.controls[-3:] / step_s**i for i, w in enumerate(AT_KNOT)))
 
+    def from_state(self, state: _State) -> _Piece:
+        """The same from a state that it starts in up to rounding; its end does not change."""
+        step_s = self.duration_s / (len(self.controls) - 3)
+        weights = [w / step_s**i for i, w in enumerate(AT_KNOT)]
+        first = np.linalg.solve(np.array(weights), np.array(state))
+        return _Piece(np.concatenate([first, self.controls[3:]]), self.duration_s)
+
 
 def _path(
     times_s: FloatArray,
@@ -546,8 +585,11 @@ def _pieces(
             raise MotionError("no fast motion along the recording was found")
         solved: list[_Piece] = tail if found is None else found
         kept = len(solved) if found is None or len(solved) in (left, 1) else min(KEPT, len(solved))
-        yield from solved[:kept]
-        at, state, tail = at + kept, solved[kept - 1].end, solved[kept:]
+        for piece in solved[:kept]:
+            exact = piece.from_state(state)
+            yield exact
+            state = exact.end
+        at, tail = at + kept, solved[kept:]
 
 
 class _Window:
@@ -601,10 +643,8 @@ class _Window:
             tolerance_rad: maximum distance of each joint from the stretch at the knots.
         """
         n, last = self.intervals, len(window) - 1
-        guess = list(tail)
-        for number, stretch in enumerate(window[len(tail) :], len(tail)):
-            sketch = stretch.sketch(n, stops=number == last)
-            guess.append(_Piece(sketch.controls, sketch.duration_s))
+        sketches = _sketches(window[len(tail) :], n, limits, rests=not tail)
+        guess = [*tail, *(_Piece(each.controls, each.duration_s) for each in sketches)]
         unit_s = max(each.duration_s for each in guess)
         x0, low, high = (list[FloatArray]() for _ in range(3))
         for number, piece in enumerate(guess):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -34,6 +35,7 @@ from planner import (
     verify,
 )
 from planner.completion import after
+from planner.errors import MotionError
 from planner.grasping.grasp import Grasp
 from planner.motion.recorded import NearMotion, as_fast_as_possible, at_recorded_speed
 from planner.plan import Step
@@ -145,8 +147,8 @@ def motion_from(
         manipulator: the arm, with its limits; that of the stock robot when not given.
 
     Raises:
-        RecordingError: when an argument is invalid, the arm was not recorded, or it moves in a time
-            without samples.
+        RecordingError: when an argument is invalid, the arm was not recorded, it moves in a time
+            without samples, or no motion is found.
         UnknownNameError: when there is no such limb.
     """
     tolerance_rad = positive_scalar(tolerance_rad, "tolerance_rad", RecordingError)
@@ -205,7 +207,12 @@ class _Track(NamedTuple):
         ratio = speed if isinstance(speed, (int, float)) else 1.0
         times_s = (self.times_s - self.times_s[0]) / ratio
         make = as_fast_as_possible if speed == "fastest" else at_recorded_speed
-        return make(times_s, self.q, arm.limits, tolerance_rad, q)
+        try:
+            return make(times_s, self.q, arm.limits, tolerance_rad, q)
+        except MotionError as cause:
+            raise RecordingError(
+                f"from {self.times_s[0]:.2f} s to {self.times_s[-1]:.2f} s: {cause}"
+            ) from cause
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -280,7 +287,10 @@ class _Request:
         )
         if not made.excess_rad:
             return self._verified(made) if self.is_verified else made
-        fastest = None if speed == "fastest" else self.plan("fastest")
+        fastest = None
+        if speed != "fastest":
+            with suppress(RecordingError):  # then none is offered
+                fastest = self.plan("fastest")
         return _refused(evolve(made, fastest=fastest), _reason(made, fastest))
 
     def _plan(self, trajectories: Sequence[Trajectory]) -> Plan:

@@ -63,7 +63,6 @@ def _lag(text: str) -> float:
     examples=(
         "python -m sim.ros1.execute plan.json --dry-run",
         "python -m sim.ros1.execute plan.json --speed 0.3 --record run.mcap",
-        "python -m sim.ros1.execute plan.json --lag-s 0.38 0.42",
         "python -m sim.ros1.execute plan.json --response left.json",
         "python -m sim.ros1.execute taught.csv --limb left --speed 1",
     ),

@@ -175,7 +175,7 @@ def gapped(recording: Recording) -> Recording:
 def test_impossible_requests_are_refused(
     recording: Recording, changes: dict[str, Any], error: type[BaxterError]
 ) -> None:
-    default = {"recording": recording, "limb": "left", "tolerance_rad": TOLERANCE_RAD}
+    default: dict[str, Any] = {"recording": recording, "limb": "left", "tolerance_rad": 0.01}
     with pytest.raises(error):
         motion_from(**(default | changes))
 
