@@ -37,7 +37,8 @@ from planner import (
 from planner.completion import after
 from planner.errors import MotionError
 from planner.grasping.grasp import Grasp
-from planner.motion.recorded import NearMotion, as_fast_as_possible, at_recorded_speed
+from planner.motion.recorded.fastest import as_fast_as_possible
+from planner.motion.recorded.smoothing import NearMotion, at_recorded_speed
 from planner.plan import Step
 from sim.errors import RecordingError
 from sim.recording.recording import Recording, checked_limb
