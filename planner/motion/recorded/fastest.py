@@ -94,8 +94,8 @@ def as_fast_as_possible(
 ) -> NearMotion:
     """The fastest motion found along samples, from rest to rest.
 
-    Arguments as of `at_recorded_speed`; of the times, only the path between the samples depends.
-    Where no motion within the tolerance is found, the nearest one is returned.
+    Arguments as of `at_recorded_speed`; the times only matter for smoothing. Where no motion within
+    the tolerance is found, the nearest one is returned.
 
     Raises:
         MotionError: when no motion is found.
