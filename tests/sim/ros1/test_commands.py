@@ -279,7 +279,7 @@ def test_a_recording_is_repeated_after_a_soft_start(
     assert to_start[1] is not None
     assert float(to_start[1][1]) > 0.6 * float(to_start[0][1])
     near = run(
-        *(executing.main, file, "--limb", "left", "--tolerance-rad", "0.0005", "--dry-run"),
+        *(executing.main, file, "--limb", "left", "--tolerance-rad", "0.0001", "--dry-run"),
         uri=shared_uri,
     )
     assert near.status == 1
