@@ -125,7 +125,7 @@ def _completed(plan: Plan, manipulator: Manipulator) -> Iterator[Step]:
     state, side, steps = plan.start, manipulator.arm.side, plan.steps
     taken: State | None = state  # before the hand closed, until the first move after that
     released: str | None = None  # likewise, what it let go
-    for step, following in zip(steps, (*steps[1:], None), strict=True):
+    for step, following in zip(steps, (*steps[1:], None), strict=False):
         end, held = after(step, state, manipulator), state.holding(side)
         if isinstance(step, Grip):
             contacts = of_grip(step, state, end, manipulator)

@@ -1,4 +1,4 @@
-"""Compare random motions with optima: `python scripts/measure_motion.py cycles|paths|lines`.
+"""Compare random motions with optima: `python scripts/measure_motion.py KIND`, of the four below.
 
 `cycles [--count 40] [--seed 5] [--wall]`: picks and places of blocks on the demo's table with
 random positions and yaws, alternating between the arms. Every plan is verified, and compared with
@@ -21,6 +21,14 @@ follow from three derivatives of q as CasADi expressions and are bounded at both
 interval, and IPOPT solves the nonlinear program with exact second derivatives. Bounds are kept at
 the ends of intervals only, so the figure errs to the fast side. The other is the planner's own
 program on four times as many intervals.
+
+`recordings [--count 30] [--seed 0]`: recordings as motions at the recorded speed, and as fast as
+possible, with a tolerance of 10 mrad. In turn: joint moves that use the limits fully, with pauses;
+a guided arm with tremor; the same three times as fast, beyond the limits; each of 20 s, with a lag
+of 50 ms and noise of 1 mrad; and a simulated pick and place. Printed are the greatest distance from
+what was recorded, the root mean square of the jerk relative to that of the same recording without
+noise, and the CPU time for a second of recording. The exit status is 1 when a limit is exceeded, or
+a motion is farther from a recording than the tolerance where the limits allow it.
 """
 
 from __future__ import annotations
@@ -60,12 +68,15 @@ from planner.errors import FreeMoveError
 from planner.motion.free_move import plan_free_move
 from planner.motion.paths.pieces import MIN_LENGTH
 from planner.motion.program.guess import follow
+from planner.motion.recorded.fastest import as_fast_as_possible
+from planner.motion.recorded.smoothing import NearMotion, at_recorded_speed
 from planner.motion.straight_line import StraightLine
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycles import CycleProgram
 from planner.pick_place.task import PlanRequest
 from sim.demo.options import DEFAULT_POSES_M
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles
+from sim.recording.recorder import planned_recording
 
 FloatArray = NDArray[np.float64]
 
@@ -476,10 +487,114 @@ def _down(x: float, y: float, z: float) -> pin.SE3:
     return pose_from_quaternion((x, y, z), (0.0, 1.0, 0.0, 0.0))
 
 
+# Recordings
+
+TOLERANCE_RAD, NOISE_RAD, LAG_S, RECORDED_S, TICK_S = 0.01, 1e-3, 0.05, 20.0, 0.01
+TREMOR_RAD, TREMOR_HZ = 5e-4, 8.0
+
+
+def recordings(given: argparse.Namespace) -> bool:
+    """Make motions of recordings and print a row for each; whether all are as they should be."""
+    print(f"{'recording':<12}{'off':>9}{'jerk':>8}{'CPU':>12}{'fastest':>16}{'off':>9}{'CPU':>12}")
+    robot, is_right = Baxter.load(), True
+    drawn = islice(cycle(_RECORDED.items()), given.count or 30)
+    for number, (name, make) in enumerate(drawn, given.seed or 0):
+        arm, rng = robot.arm(("left", "right")[number % 2]), np.random.default_rng(number)
+        clean = make(robot, arm, rng)
+        is_noisy = make is not _simulated
+        q = clean + NOISE_RAD * is_noisy * rng.normal(size=clean.shape)
+        recorded_s = TICK_S * (len(q) - 1)
+        found, cost_s = _timed(at_recorded_speed, arm, q)
+        least, _ = _timed(at_recorded_speed, arm, clean)
+        fastest, more_s = _timed(as_fast_as_possible, arm, q)
+        jerks = [np.sqrt(np.square(each.trajectory.j).mean()) for each in (found, least)]
+        print(
+            f"{name:<12}{1e3 * found.deviation_rad:5.1f} mrad{jerks[0] / jerks[1]:7.3f}"
+            f"{cost_s / recorded_s:8.3f} s/s"
+            f"{fastest.trajectory.duration:7.2f} of {recorded_s:5.2f} s"
+            f"{1e3 * fastest.deviation_rad:5.1f} mrad{more_s / recorded_s:8.3f} s/s",
+            flush=True,
+        )
+        near = [fastest] if make is _hurried else [found, fastest]
+        is_right &= all(each.deviation_rad <= TOLERANCE_RAD for each in near)
+        is_right &= all(_keeps_limits(each.trajectory) for each in (found, fastest))
+    return is_right
+
+
+def _timed(make: Callable[..., NearMotion], arm: Arm, q: FloatArray) -> tuple[NearMotion, float]:
+    times_s = TICK_S * np.arange(len(q))
+    began_s = time.process_time()
+    return make(times_s, q, arm.limits, TOLERANCE_RAD), time.process_time() - began_s
+
+
+def _keeps_limits(motion: Trajectory) -> bool:
+    low, high = motion.position_extrema()
+    inside = (low >= motion.limits.q_min).all() and (high <= motion.limits.q_max).all()
+    return bool(inside) and max(motion.peak_ratios()) <= 1.0
+
+
+def _moved(robot: Baxter, arm: Arm, rng: np.random.Generator) -> FloatArray:  # noqa: ARG001
+    """Time-optimal joint moves near the start, some followed by a pause."""
+    q, samples = arm.start, list[FloatArray]()
+    while sum(map(len, samples)) * TICK_S < RECORDED_S:
+        goal = arm.start + rng.uniform(-0.5, 0.5, 7)
+        goal = goal.clip(arm.limits.q_min + 0.05, arm.limits.q_max - 0.05)
+        move = plan_joint_move(q, goal, arm.limits)
+        samples.append(move.sample(np.arange(0.0, move.duration, TICK_S)).q)
+        samples.append(np.tile(goal, (60 * (rng.uniform() < 0.4), 1)))
+        q = goal
+    return _lagged(np.concatenate(samples))
+
+
+def _guided(
+    robot: Baxter,  # noqa: ARG001
+    arm: Arm,
+    rng: np.random.Generator,
+    speed: float = 1.0,
+) -> FloatArray:
+    """Smooth wandering that begins gently, and tremor."""
+    t = np.arange(0.0, RECORDED_S, TICK_S)[:, None]
+    q = np.tile(arm.start, (len(t), 1))
+    for hertz in (0.07, 0.15, 0.31, 0.6):
+        wave = np.sin(2.0 * np.pi * hertz * speed * t + rng.uniform(0.0, 2.0 * np.pi, 7))
+        q += 0.12 / (hertz / 0.15 + 0.5) * wave * np.sin(0.5 * np.pi * t.clip(max=1.0)) ** 2
+    q += TREMOR_RAD * np.sin(2.0 * np.pi * TREMOR_HZ * t + rng.uniform(0.0, 2.0 * np.pi, 7))
+    return _lagged(q.clip(arm.limits.q_min + 0.01, arm.limits.q_max - 0.01))
+
+
+def _hurried(robot: Baxter, arm: Arm, rng: np.random.Generator) -> FloatArray:
+    return _guided(robot, arm, rng, 3.0)
+
+
+def _simulated(robot: Baxter, arm: Arm, rng: np.random.Generator) -> FloatArray:
+    """The free and straight moves of a random pick and place, as a simulation records them."""
+    manipulator = Manipulator.of(robot, arm.side)
+    cycle_ = next(each for each in iter(lambda: _cycle(manipulator, rng), 0) if each is not None)
+    recording = planned_recording(cycle_.plan())
+    columns = [recording.joint_names.index(name) for name in arm.joint_names]
+    return np.array(recording.q[:, columns])
+
+
+def _lagged(q: FloatArray) -> FloatArray:
+    """Measured positions of an arm that follows with a lag of first order."""
+    measured = q.copy()
+    for i in range(1, len(q)):
+        measured[i] = measured[i - 1] + TICK_S / LAG_S * (q[i] - measured[i - 1])
+    return measured
+
+
+_RECORDED: dict[str, Callable[[Baxter, Arm, np.random.Generator], FloatArray]] = {
+    "joint moves": _moved,
+    "guided": _guided,
+    "hurried": _hurried,
+    "simulated": _simulated,
+}
+
 KINDS: dict[str, Callable[[argparse.Namespace], bool]] = {
     "cycles": cycles,
     "paths": paths,
     "lines": lines,
+    "recordings": recordings,
 }
 
 if __name__ == "__main__":

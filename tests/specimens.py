@@ -135,6 +135,11 @@ def specimens_of(
         ),
         "notes": sim.recording.NotedRecording(recording, ("a line is cut off",)),
         "commands": sim.recording.Commands(np.arange(2.0), np.zeros((2, 7)), np.ones((2, 7))),
+        "comparison": sim.recording.Comparison(
+            arm.joint_names,
+            *(np.arange(2.0), np.zeros((2, 7)), np.zeros(2)),
+        ),
+        "recorded plan": sim.recording.RecordedPlan(plan, 0.01, 0.02, "left_s0", 1.5),
         "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),
         "hands": (
             ElectricGripper(slot=3),

@@ -14,6 +14,7 @@ from baxter_kin.command_line import parse, parser_of
 from planner.atlas.commands.command_line import AtlasOptions
 from planner.verification.command_line import VerificationOptions
 from sim.demo.options import DemoOptions
+from sim.recording.__main__ import RecordingOptions
 from sim.ros1.check import CheckOptions
 from sim.ros1.execute import ExecuteOptions
 from sim.ros1.master import MasterOptions
@@ -27,6 +28,7 @@ OPTIONS: dict[str, type] = {
     "baxter_kin.demo": DemoOptions,
     "planner.atlas": AtlasOptions,
     "planner.verification": VerificationOptions,
+    "sim.recording": RecordingOptions,
     "sim.ros1.check": CheckOptions,
     "sim.ros1.execute": ExecuteOptions,
     "sim.ros1.master": MasterOptions,

@@ -41,6 +41,9 @@ class IKFailure(_Pending):
         nearest_m: distance of the pose from the nearest reachable position found in its
             orientation, by the result's `q`; None where `beyond_reach_m` was proven before such a
             position was searched for. Where both are known, the true distance is between them.
+        nearest_step_rad: how far the nearest solution found is from the current joints, in the
+            greatest difference of a single joint; the result's `q` is that solution. None unless it
+            was refused because it is farther than `max_step_rad`.
     """
 
     reason: str
@@ -49,6 +52,7 @@ class IKFailure(_Pending):
     joints_at_limit: tuple[str, ...] = ()
     limits_violated: tuple[str, ...] = ()
     nearest_m: float | None = None
+    nearest_step_rad: float | None = None
 
     if not TYPE_CHECKING:  # which knows the fields
 
@@ -82,8 +86,8 @@ class IKResult:
     Only the service makes results, a hundred thousand a second: arguments are neither checked nor
     copied. `checked_result` checks one that was read from a file.
 
-    When `is_valid` is false, `q` and the errors are those of the best attempt; it never reached the
-    pose and must not be sent to a robot.
+    When `is_valid` is false, `q` and the errors are those of the best attempt, which must not be
+    sent to a robot: it never reached the pose, or is farther from the current joints than allowed.
 
     Attributes:
         joint_names: the joints of `q`.
@@ -120,7 +124,7 @@ class IKResult:
 
     @property
     def is_valid(self) -> bool:
-        """Whether `q` reaches the pose within 1e-6 m and 1e-6 rad inside the limits."""
+        """Whether `q` reaches the pose within 1e-6 m and 1e-6 rad, in limits and allowed step."""
         return self.failure is None
 
     @property

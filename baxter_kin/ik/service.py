@@ -20,17 +20,24 @@ from numpy.typing import ArrayLike
 from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.result import IKResult
+from baxter_kin.ik.result import IKFailure, IKResult
 from baxter_kin.ik.search.batch import Batch, Solver
 from baxter_kin.ik.search.search_function import SEED_TOLERANCE_RAD
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
-from baxter_kin.ik.self_motion.objectives import Objective, Scope, best_of, best_on, checked_scope
+from baxter_kin.ik.self_motion.objectives import (
+    Objective,
+    Scope,
+    SmallestStep,
+    best_of,
+    best_on,
+    checked_scope,
+)
 from baxter_kin.ik.self_motion.pieces import all_pieces
 from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, expect, float_array
+from baxter_kin.validation import FloatArray, expect, float_array, positive_scalar
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""
@@ -90,6 +97,50 @@ class Requests:
         return table
 
 
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which of all solutions of a pose is wanted.
+
+    Attributes:
+        objective: chooses the best; None for the nearest to the current joints.
+        scope: the solutions among which it chooses.
+        max_step_rad: the greatest allowed step to the nearest.
+    """
+
+    objective: Objective | None
+    scope: Scope
+    max_step_rad: float = np.inf
+
+    @classmethod
+    def checked(
+        cls,
+        objective: Objective | None,
+        scope: str | Scope | None,
+        max_step_rad: float | None,
+        tolerance: Tolerance | None,
+        current: SeedLike | None,
+    ) -> Choice | None:
+        """The choice that a request asks for; None for the first solution found."""
+        chosen = checked_scope(objective, scope)
+        if objective is None and max_step_rad is None:
+            return None
+        if objective is not None and max_step_rad is not None:
+            raise RequestError(
+                "max_step_rad asks for the nearest solution, an objective for the best one; give "
+                "one of them"
+            )
+        if tolerance is not None:
+            raise RequestError(
+                "an objective and max_step_rad choose among the solutions of an exact pose; give "
+                "either one of them or a tolerance"
+            )
+        if max_step_rad is None:
+            return cls(objective, chosen)
+        if current is None:
+            raise RequestError("max_step_rad limits the step from the current joints: give current")
+        return cls(None, chosen, positive_scalar(max_step_rad, "max_step_rad", RequestError))
+
+
 def _checked_seed(arm: Arm, seed: SeedLike, what: str) -> FloatArray:
     return arm.limits.check(arm.configuration(seed, what), what, SEED_TOLERANCE_RAD)
 
@@ -146,6 +197,7 @@ class IKService(OneLine):
         *,
         objective: Objective | None = None,
         scope: str | Scope | None = None,
+        max_step_rad: float | None = None,
         tolerance: Tolerance | None = None,
     ) -> IKResult:
         """Joint angles that place the tip at a pose.
@@ -161,6 +213,9 @@ class IKService(OneLine):
             scope: the solutions among which the objective chooses: `Scope.ALL`, "all", the default;
                 or `Scope.CURVE`, "curve": those that the arm can reach from the first solution
                 while the tip stays at the pose.
+            max_step_rad: the greatest allowed difference of a single joint from `current`. The
+                result is then the nearest of all solutions in this measure; if it is farther, an
+                invalid result, whose failure says how far. Takes tens of milliseconds.
             tolerance: allowed deviations from the pose; the errors of the result are by how much it
                 exceeds them.
 
@@ -174,19 +229,12 @@ class IKService(OneLine):
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or there is no such mode
                 or scope.
-            RequestError: when both an objective and a tolerance are given, one of them is of
-                another class, or a scope is given without an objective.
+            RequestError: when two of objective, step and tolerance are given, one of them is of
+                another class, a scope is given without an objective, or a step without `current`.
         """
-        if objective is not None and tolerance is not None:
-            raise RequestError(
-                "an objective chooses among the solutions of an exact pose; give either an "
-                "objective or a tolerance"
-            )
-        chosen = checked_scope(objective, scope)
+        choice = Choice.checked(objective, scope, max_step_rad, tolerance, current)
         result = self._first(self._solver(tolerance), T_base_tip, seed, current, mode)
-        if objective is None or not result.is_valid:
-            return result
-        return self._best(result, checked_pose(T_base_tip), objective, chosen)
+        return self._chosen(result, T_base_tip, choice, current)
 
     def _facts(self) -> tuple[str, ...]:
         return repr(self.arm), f"backend {self.backend.value}"
@@ -219,6 +267,9 @@ class IKService(OneLine):
         mode: SeedMode = SeedMode.AUTO,
         *,
         chain: bool = False,
+        objective: Objective | None = None,
+        scope: str | Scope | None = None,
+        max_step_rad: float | None = None,
         tolerance: Tolerance | None = None,
         progress: Callable[[int], object] | None = None,
     ) -> list[IKResult]:
@@ -229,8 +280,12 @@ class IKService(OneLine):
             seeds: one per pose, each a seed or None; or None for no seeds at all.
             current: the arm's current joint angles, for all poses.
             mode: which seeds to try.
-            chain: whether each solution becomes the current joint angles of the next pose.
-                Otherwise the poses are independent, and large batches use all cores.
+            chain: whether each solution becomes the current joint angles of the next pose; a pose
+                without a solution leaves them as they are. Otherwise the poses are independent, and
+                large batches use all cores.
+            objective: as for `solve`, for each pose on its own.
+            scope: likewise.
+            max_step_rad: likewise; with `chain`, the poses of a path are followed without jumps.
             tolerance: allowed deviations from the poses.
             progress: called with the number of poses solved since the last call, such as the
                 `update` of a tqdm bar.
@@ -250,11 +305,12 @@ class IKService(OneLine):
                 f"{len(poses)} poses came with {len(given)} seeds; give one seed per pose (None "
                 "where a pose has none), or no seeds at all"
             )
+        choice = Choice.checked(objective, scope, max_step_rad, tolerance, current)
         solver, requests = self._solver(tolerance), Requests(poses, given, current, mode)
         parts = (
-            self._chained(solver, requests)
+            self._chained(solver, requests, choice)
             if chain
-            else (self._answers(solver, block) for block in requests.blocks())
+            else self._independent(solver, requests, choice)
         )
         results: list[IKResult] = []
         for part in parts:
@@ -295,6 +351,19 @@ class IKService(OneLine):
         while block := list(islice(poses, BLOCK)):
             yield from self._answers(solver, Requests(block, None, current, mode))
 
+    def _chosen(
+        self, first: IKResult, T_base_tip: PoseLike, choice: Choice | None, current: Any
+    ) -> IKResult:
+        """The solution that is wanted of all, given the first one found."""
+        if choice is None or not first.is_valid:
+            return first
+        pose = checked_pose(T_base_tip)
+        if choice.objective is not None:
+            return self._best(first, pose, choice.objective, choice.scope)
+        here = _checked_seed(self.arm, current, "current")
+        nearest = self._best(first, pose, SmallestStep(here), Scope.ALL)
+        return _within_step(nearest, here, choice.max_step_rad)
+
     def _best(
         self, result: IKResult, T_base_tip: pin.SE3, objective: Objective, scope: Scope
     ) -> IKResult:
@@ -308,16 +377,46 @@ class IKService(OneLine):
         errors = EXACT.excess(T_base_tip, arm.T_base_tip(q))
         return IKResult(arm.joint_names, q, result.seed_type, *errors)
 
-    def _chained(self, solver: Solver, requests: Requests) -> Iterator[list[IKResult]]:
+    def _chained(
+        self, solver: Solver, requests: Requests, choice: Choice | None
+    ) -> Iterator[list[IKResult]]:
         current, seeds = requests.current, requests.seeds
         for i, pose in enumerate(requests.poses):
             seed = None if seeds is None else seeds[i]
-            result = self._first(solver, pose, seed, current, requests.mode)
+            first = self._first(solver, pose, seed, current, requests.mode)
+            result = self._chosen(first, pose, choice, current)
             current = result.q if result.is_valid else current
             yield [result]
+
+    def _independent(
+        self, solver: Solver, requests: Requests, choice: Choice | None
+    ) -> Iterator[list[IKResult]]:
+        for block in requests.blocks():
+            firsts = self._answers(solver, block)
+            if choice is None:
+                yield firsts
+                continue
+            for first, pose in zip(firsts, block.poses, strict=True):
+                yield [self._chosen(first, pose, choice, requests.current)]
 
     def _answers(self, solver: Solver, requests: Requests) -> list[IKResult]:
         Ts, table = pose_matrices(requests.poses, requests.first), requests.seed_table(self.arm)
         batch = Batch(Ts, table, SeedMode.of(requests.mode))
         batch.solve(solver)
         return list(batch.results(solver))
+
+
+def _within_step(nearest: IKResult, q: FloatArray, max_step_rad: float) -> IKResult:
+    """The nearest solution, or its refusal if it is farther from `q` than allowed."""
+    steps = np.abs(nearest.q - q)
+    farthest = int(steps.argmax())
+    step_rad = float(steps[farthest])
+    if step_rad <= max_step_rad:
+        return nearest
+    failure = IKFailure(
+        f"no solution within {max_step_rad:.4g} rad of the current joints: the nearest one found "
+        f"moves {nearest.joint_names[farthest]} by {step_rad:.4g} rad",
+        nearest_step_rad=step_rad,
+    )
+    errors = nearest.position_error_m, nearest.orientation_error_rad
+    return IKResult(nearest.joint_names, nearest.q, SeedType.INVALID, *errors, failure)

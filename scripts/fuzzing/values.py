@@ -239,6 +239,8 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         ),
         "Sample": _sample,
         "ArmMotion": lambda: one("Recording").motion("left"),
+        "RecordedPlan": lambda: s.recording.RecordedPlan(one("Plan"), 0.01, 0.005, "left_s0", 0.1),
+        "Comparison": lambda: s.recording.compare_run(one("Plan"), one("Recording")),
         "Snapshot": _snapshot,
     }
 )
@@ -347,6 +349,7 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "sample_solutions.turns": _given(8),
         "step_rad": _given(0.1),
         "speed_ratio": _given(0.5),
+        "motion_from.speed": _given("recorded"),
         "T_base_tips": _made_by(lambda: [one("SE3")] * 2),
         "seeds": _made_by(lambda: [np.array(one("q")), None]),
         "candidates": _made_by(lambda: [np.array(one("q"))]),

@@ -1,7 +1,8 @@
-"""Plots every joint of an arm against its limits. The only module that imports Matplotlib.
+"""Plots of recordings and of comparisons with plans. The only module that imports Matplotlib.
 
-One column for each joint; position, velocity, acceleration and jerk below each other. Only the
-object-oriented interface is used, so no window is opened and no global state is touched.
+Of a recording, every joint of an arm is drawn against its limits: one column for each joint;
+position, velocity, acceleration and jerk below each other. Only the object-oriented interface is
+used, so no window is opened and no global state is touched.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect
 from sim.errors import RecordingError
 from sim.events import Event, EventKind
+from sim.recording.comparison import Comparison
 from sim.recording.recorded_motion import ArmMotion
 from sim.recording.recording import Recording
 
@@ -54,6 +56,9 @@ _MARKS = {
 MAX_LABELS = 6
 """Maximum number of marks with text, which could not be read otherwise; the legend has it, too."""
 
+
+MAX_LINE_S = 0.2
+"""Maximum time between two samples that a line joins."""
 
 _ROWS = {
     "q": "position [rad]",
@@ -275,3 +280,33 @@ def _legend(
         if any(event.kind is kind for event in events):
             entries[kind.value] = Line2D([], [], color=colour)
     return list(entries.values()), list(entries)
+
+
+def plot_comparison(comparison: Comparison) -> Figure:
+    """The differences of an arm from its plan over time, one line for each joint, and the tip's.
+
+    Args:
+        comparison: as of `sim.recording.compare_run`.
+
+    Raises:
+        RecordingError: when Matplotlib is missing, or the argument is of another class.
+    """
+    expect(comparison, Comparison, "comparison", RecordingError)
+    figure = _new_figure(1)
+    joints, tip = figure.subplots(2, 1, sharex=True)
+    gaps = np.flatnonzero(np.diff(comparison.times_s) > MAX_LINE_S) + 1
+    times_s, off_rad, tip_off_m = (
+        np.insert(values, gaps, np.nan, axis=0)
+        for values in (comparison.times_s, comparison.off_rad, comparison.tip_off_m)
+    )
+    for name, column in zip(comparison.joint_names, off_rad.T, strict=True):
+        joints.plot(times_s, 1e3 * column, linewidth=1.3, label=name)
+    tip.plot(times_s, 1e3 * tip_off_m, color=EXACT_COLOUR, linewidth=1.3)
+    joints.set_ylabel("off the plan [mrad]")
+    joints.legend(loc="upper right", ncols=len(comparison.joint_names), frameon=False)
+    tip.set_ylabel("tip off the plan [mm]")
+    tip.set_xlabel("time [s]")
+    for axes in (joints, tip):
+        axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure

@@ -183,7 +183,7 @@ class Recording:
             if values.shape != shape:
                 raise RecordingError(f"{name} has shape {values.shape}; it must have shape {shape}")
         for sample in self.samples:
-            _checked_limb(sample.limb)
+            checked_limb(sample.limb)
         absent = np.full((rows, 7), np.nan)
         tracks = {name: self.body_poses.get(name, absent) for name in self.bodies}
         object.__setattr__(self, "body_poses", _tracks(tracks))
@@ -223,7 +223,7 @@ class Recording:
             RecordingError: when its joints were not recorded, or `with_knots` is not a bool.
         """
         expect(with_knots, bool, "with_knots", RecordingError)
-        names = arm_joints(_checked_limb(limb))
+        names = arm_joints(checked_limb(limb))
         missing = [name for name in names if name not in self.joint_names]
         if missing:
             raise RecordingError(f"the recording lacks {', '.join(missing)}")
@@ -322,7 +322,7 @@ def fit_response(recording: Recording, limb: str) -> Response:
         ResponseError: when the commands do not determine the response; says why.
     """
     expect(recording, Recording, "recording", RecordingError)
-    if _checked_limb(limb) not in recording.commands:
+    if checked_limb(limb) not in recording.commands:
         raise RecordingError(
             f"the recording has no set-points of the {limb} arm: a simulation sends none, and of "
             "files only MCAP has them; let a Recorder observe an execution on a robot, or execute "
@@ -332,7 +332,8 @@ def fit_response(recording: Recording, limb: str) -> Response:
     return fit_arrays(sent.times_s, sent.q_sent, sent.q_measured)
 
 
-def _checked_limb(limb: object) -> str:
+def checked_limb(limb: object) -> str:
+    """A limb, if there is such a one."""
     if not isinstance(limb, str) or limb not in LIMBS:
         raise UnknownNameError("limb", limb, LIMBS)
     return limb

@@ -1,8 +1,11 @@
-"""`python -m sim.ros1.execute PLAN`: carry out a saved plan on a Baxter.
+"""`python -m sim.ros1.execute FILE`: carry out a saved plan, or a recording, on a Baxter.
+
+Of a recording, the arm repeats what it did (`sim.recording.motion_from`); as before every plan, a
+slow move that is proven clear takes it to the start.
 
 Exit status: 0 done; 1 a condition does not hold or it ended early, and why is on stderr; 2 wrong
-usage, or a file that holds no plan or no response; 130 and 143 stopped by Ctrl-C and by SIGTERM,
-after which the arm holds where it is.
+usage, or a file that holds no plan, recording or response; 130 and 143 stopped by Ctrl-C and by
+SIGTERM, after which the arm holds where it is.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from baxter_kin.command_line import (
@@ -22,6 +26,8 @@ from baxter_kin.command_line import (
     part,
     run_process,
 )
+from baxter_kin.kinematics.arm import LIMBS
+from sim.recording.record_file import READ_SUFFIXES
 from sim.ros1.terminal import (
     EXIT_FAILED,
     EXIT_STATUS,
@@ -34,11 +40,14 @@ from sim.ros1.terminal import (
 
 if TYPE_CHECKING:  # --help needs none of them
     from planner import Plan, Response
+    from sim.recording.recording import Recording
     from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
+    from sim.ros1.execution.link import BaxterLink
     from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
 
 TERMINAL = Terminal("baxter-execute")
 PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
+RECORDING, TOLERANCE_RAD = "a recording", 0.01
 
 
 def _lag(text: str) -> float:
@@ -49,13 +58,13 @@ def _lag(text: str) -> float:
 
 @command(
     TERMINAL.name,
-    "Carry out a saved plan on the Baxter of ROS_MASTER_URI. Nothing is sent before all conditions "
-    "hold; tested against Debian's ROS 1 and the original clients, never on hardware.",
+    "Carry out a plan or a recording on the Baxter of ROS_MASTER_URI. Nothing is sent before all "
+    "conditions hold; tested against Debian's ROS 1 and the original clients, never on hardware.",
     examples=(
         "python -m sim.ros1.execute plan.json --dry-run",
         "python -m sim.ros1.execute plan.json --speed 0.3 --record run.mcap",
-        "python -m sim.ros1.execute plan.json --lag-s 0.38 0.42",
         "python -m sim.ros1.execute plan.json --response left.json",
+        "python -m sim.ros1.execute taught.csv --limb left --speed 1",
     ),
     end=EXIT_STATUS.format(done="0 done; 1 not").replace("usage", "usage, or no plan"),
 )
@@ -63,7 +72,10 @@ def _lag(text: str) -> float:
 class ExecuteOptions:
     """Which plan to carry out, and how."""
 
-    plan: str = option(metavar="PLAN", help="a plan that save_plan or the demo saved")
+    plan: str = option(
+        metavar="FILE",
+        help="a plan that save_plan or the demo saved (.json), or a recording (.bag, .csv, .mcap)",
+    )
     is_confirmed: bool = flag("--yes", help="move without asking")
     is_dry_run: bool = flag("--dry-run", help="check everything, send nothing")
     speed: float = option(
@@ -125,9 +137,38 @@ class ExecuteOptions:
         group=LAG,
         help="carry out what that proof refuses; by a simulated Baxter only",
     )
+    limb: str | None = option(
+        "--limb",
+        choices=LIMBS,
+        group=RECORDING,
+        help="which arm repeats what it did; needed where both were recorded",
+    )
+    tolerance_rad: float | None = option(
+        "--tolerance-rad",
+        type=number_within(1e-4, 0.5, "rad"),
+        metavar="E",
+        group=RECORDING,
+        help=f"how far each joint may be from what was recorded (default: {TOLERANCE_RAD:g})",
+    )
+    is_fastest: bool = flag(
+        "--fastest",
+        group=RECORDING,
+        help="make it as fast as the limits allow, before --speed slows it; pauses are left out",
+    )
     files: FileOptions = part(FileOptions)
 
+    @property
+    def is_of_recording(self) -> bool:
+        """Whether the file is a recording."""
+        return Path(self.plan).suffix.lower() in READ_SUFFIXES
+
     def __post_init__(self) -> None:
+        given = self.limb is not None or self.tolerance_rad is not None or self.is_fastest
+        if given and not self.is_of_recording:
+            raise UsageError(
+                "--limb, --tolerance-rad and --fastest are for recordings, which end in "
+                f"{', '.join(READ_SUFFIXES)}; {self.plan} is a plan"
+            )
         if self.lag_s is not None and self.lag_s[0] > self.lag_s[1]:
             least, most = self.lag_s
             raise UsageError(
@@ -159,18 +200,63 @@ def run() -> NoReturn:
 def _loaded(options: ExecuteOptions, signals: Signals) -> int:
     from planner import load_plan  # noqa: PLC0415
     from planner.errors import PlanFileError, ResponseError  # noqa: PLC0415
+    from sim.errors import RecordingError  # noqa: PLC0415
 
     try:
+        if options.is_of_recording:
+            recording = _recording(options)
+            limb = options.limb or recording.limbs[0]
+            return _connected(
+                options, recording, _settings(options, _response(options, limb)), signals
+            )
         plan = load_plan(options.plan)
-        response = _response(options, plan)
-    except (PlanFileError, ResponseError) as error:
+        response = _response(options, plan.limb)
+    except (PlanFileError, RecordingError, ResponseError) as error:
         return TERMINAL.complain(str(error), EXIT_USAGE)
     if plan.failure is not None:
         return TERMINAL.complain(f"{options.plan} is not valid: {plan.failure}")
     return _connected(options, plan, _settings(options, response), signals)
 
 
-def _connected(options: ExecuteOptions, plan: Plan, how: ExecutionOptions, signals: Signals) -> int:
+def _recording(options: ExecuteOptions) -> Recording:
+    """The recording in the file; the limb is known."""
+    from sim.errors import RecordingError  # noqa: PLC0415
+    from sim.recording.record_file import read_recording  # noqa: PLC0415
+
+    recording, notes = read_recording(options.plan)
+    for note in notes:
+        TERMINAL.say(f"note: {note}")
+    if options.limb is None and len(recording.limbs) > 1:
+        raise RecordingError(f"{options.plan} has both arms; give --limb {' or '.join(LIMBS)}")
+    return recording
+
+
+def _repeated(recording: Recording, options: ExecuteOptions, link: BaxterLink) -> Plan:
+    """The plan of a recording for the robot on the network."""
+    from planner import Manipulator  # noqa: PLC0415
+    from sim.recording.recorded_plan import motion_from  # noqa: PLC0415
+    from sim.ros1.execution.readiness import described_robot  # noqa: PLC0415
+
+    limb, tolerance_rad = options.limb or recording.limbs[0], options.tolerance_rad or TOLERANCE_RAD
+    made = motion_from(
+        recording,
+        limb,
+        tolerance_rad=tolerance_rad,
+        speed="fastest" if options.is_fastest else "recorded",
+        manipulator=Manipulator.of(described_robot(link.description), limb),
+    )
+    TERMINAL.say(
+        f"a motion of {made.duration_s:.1f} s, at most {1e3 * made.deviation_rad:.1f} mrad off the "
+        f"recording ({made.joint} at {made.time_s:.2f} s)"
+    )
+    return made.plan
+
+
+def _connected(
+    options: ExecuteOptions, given: Plan | Recording, how: ExecutionOptions, signals: Signals
+) -> int:
+    from planner import Plan  # noqa: PLC0415
+    from sim.errors import RecordingError, RosError  # noqa: PLC0415
     from sim.ros1.execution.execution import RosExecutor  # noqa: PLC0415
     from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
@@ -178,6 +264,12 @@ def _connected(options: ExecuteOptions, plan: Plan, how: ExecutionOptions, signa
     with ExitStack() as stack:
         node = stack.enter_context(Node("/baxter_kin", takes_over=False))
         link = stack.enter_context(BaxterLink(node))
+        try:
+            plan = given if isinstance(given, Plan) else _repeated(given, options, link)
+        except (RecordingError, RosError) as error:
+            return TERMINAL.complain(f"nothing was moved: {error}")
+        if plan.failure is not None:
+            return TERMINAL.complain(f"nothing was moved: {plan.failure.reason}")
         readiness = RosExecutor(link, options=how).prepare(plan)
         failures = TERMINAL.report(readiness.findings)
         ready = readiness.ready
@@ -244,12 +336,12 @@ def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOp
     )
 
 
-def _response(options: ExecuteOptions, plan: Plan) -> Response | None:
+def _response(options: ExecuteOptions, limb: str) -> Response | None:
     from planner import Response  # noqa: PLC0415
     from planner.motion.response import load_response  # noqa: PLC0415
 
     if options.response is not None:
-        return load_response(options.response, plan.limb)
+        return load_response(options.response, limb)
     if options.lag_s is None:
         return None
     if options.settled_error_rad is None:

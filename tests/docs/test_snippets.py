@@ -20,6 +20,7 @@ LONG = (
     "plan_around_obstacles",
     "proofs",
     "record_and_replay",
+    "teach_and_replay",
     "watch_live",
     "atlas_on_a_cluster",
     "where_to_put_the_table",

@@ -77,6 +77,25 @@ class NearestTo:
         return np.array(0.5 * squares.sum(axis=1))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SmallestStep:
+    """Nearest to the current joints in the greatest difference of a single joint, rad.
+
+    Its minima are sharp: there, two joints differ by the same amount, of which one grows on either
+    side. Golden section needs no derivatives, and locates them as well as smooth ones.
+
+    Attributes:
+        q: the current joints, shape (7,), rad.
+    """
+
+    q: FloatArray
+
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
+        """The greatest difference of a single joint, shape (n,), rad."""
+        steps: FloatArray = np.abs(q - self.q).max(axis=1)
+        return steps
+
+
 @dataclass(frozen=True, slots=True)
 class FarthestFromLimits:
     """Farthest from the joint limits: the joint closest to a limit is as far from it as possible.

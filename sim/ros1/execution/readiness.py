@@ -74,6 +74,10 @@ TRACKING_MARGIN_RAD = 0.02
 
 START_MOVE_LABEL = "move to start"
 
+SOFT_SPEED = 0.3
+"""Maximum speed of the move to a plan's start, relative to the limits, however fast the plan itself
+is carried out: nobody has asked for that move."""
+
 _LOG = logging.getLogger(__name__)
 """Announces what takes seconds."""
 
@@ -470,8 +474,13 @@ class _PlanCheck:
         if state.holding(plan.limb) is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
         _LOG.info("planning a move to the plan's start")
+        soft = manipulator.limits.scaled(min(1.0, SOFT_SPEED / self._options.pace.speed))
         way = plan_start_move(
-            manipulator, state.scene, reading.q, plan.q_start, held=state.attachments
+            evolve(manipulator, limits=soft),
+            state.scene,
+            reading.q,
+            plan.q_start,
+            held=state.attachments,
         )
         if way.failure is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")

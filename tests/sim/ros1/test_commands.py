@@ -22,7 +22,8 @@ from typing import Any, TypeAlias
 import pytest
 
 from planner import Manipulator, Plan, Scene, plan_start_move, save_plan
-from sim import read_recording
+from sim import read_recording, save_recording
+from sim.recording.recorder import planned_recording
 from sim.ros1 import check as checking
 from sim.ros1 import execute as executing
 from sim.ros1 import mirror as mirroring
@@ -214,6 +215,9 @@ def test_a_condition_that_does_not_hold_is_told_once(
         (executing.main, "plan.json --lag-s 0.5 0.3"),
         (executing.main, "plan.json --settled-error-rad 0.01"),
         (executing.main, "plan.json --despite-lag"),
+        (executing.main, "plan.json --limb left"),
+        (executing.main, "plan.json --fastest"),
+        (executing.main, "taught.csv --tolerance-rad 0"),
         (executing.main, "plan.json --dry-run --csv a.csv"),
         (executing.main, "plan.json --dry-run --record a.mcap"),
         (checking.main, "--output a.json"),
@@ -252,6 +256,34 @@ def test_a_dry_run_sends_nothing(
     assert "ok   tracking: clear wherever the lag leads" in known.printed
     assert "not proven" not in known.printed
     assert "not enabled yet" in run(checking.main, uri=shared_uri).printed
+
+
+def test_a_recording_is_repeated_after_a_soft_start(
+    shared_uri: str, manipulator: Manipulator, scene: Scene, tmp_path: Path, run: Run
+) -> None:
+    """Of which arm must be said; at full speed the move to its start is not at full speed."""
+    file, arm = tmp_path / "taught.csv", manipulator.arm
+    taught = plan_start_move(manipulator, scene, arm.start, arm.neutral)
+    save_recording(planned_recording(taught), file)
+    both = run(executing.main, file, "--dry-run", uri=shared_uri)
+    assert both.status == 2, both.printed
+    slow, fast = (
+        run(executing.main, file, "--limb", "left", "--speed", ratio, "--dry-run", uri=shared_uri)
+        for ratio in ("0.3", "1")
+    )
+    assert slow.status == fast.status == 0, fast.printed
+    assert re.search(r"at most \d\.\d mrad off the recording", fast.printed)
+    assert "would move: left arm, 2 moves" in fast.printed
+    to_start = [re.search(r"a move to it takes (\S+)", each.printed) for each in (slow, fast)]
+    assert to_start[0] is not None
+    assert to_start[1] is not None
+    assert float(to_start[1][1]) > 0.6 * float(to_start[0][1])
+    near = run(
+        *(executing.main, file, "--limb", "left", "--tolerance-rad", "0.0001", "--dry-run"),
+        uri=shared_uri,
+    )
+    assert near.status == 1
+    assert "a tolerance of" in near.printed
 
 
 def test_without_a_yes_it_does_not_move(

@@ -1,0 +1,1 @@
+"""Motions along recorded ones: at their times, or as fast as possible."""
