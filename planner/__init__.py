@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from planner.pick_place.planning import plan_pick_and_place as plan_pick_and_place
     from planner.pick_place.planning import plan_retract as plan_retract
     from planner.pick_place.planning import plan_start_move as plan_start_move
+    from planner.pick_place.task import Line as Line
     from planner.pick_place.task import PickAndPlace as PickAndPlace
     from planner.pick_place.tracking import TrackingProof as TrackingProof
     from planner.pick_place.tracking import prove_tracking as prove_tracking
@@ -78,6 +79,7 @@ __all__, __getattr__ = lazy(
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",
+        "Line": "planner.pick_place.task",
         "LineTolerance": "planner.motion.straight_line",
         "Manipulator": "planner.manipulator",
         "Mesh": "planner.scene.mesh",

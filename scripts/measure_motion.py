@@ -1,9 +1,15 @@
-"""Compare random motions with optima: `python scripts/measure_motion.py cycles|paths|lines`.
+"""Measure random motions: `python scripts/measure_motion.py cycles|shelves|paths|lines`.
 
 `cycles [--count 40] [--seed 5] [--wall]`: picks and places of blocks on the demo's table with
 random positions and yaws, alternating between the arms. Every plan is verified, and compared with
 the same program on a grid twice as fine and without obstacles. With `--wall`, only the demo's two
 cycles, around a wall between pick and place. The exit status is 1 when a task has no valid plan.
+
+`shelves [--count 20] [--seed 0] [--bins]`: picks out of bins that are open towards the
+robot, 10 to 25 cm deep, with a level hand, alternating between the arms; to a table, or with
+`--bins` to another bin. The hand lifts the item by 1 cm, then draws it out. Every plan is verified
+and executed in the simulation. The exit status is 1 when a task has no plan, is not certified or
+fails.
 
 `paths [--count 50] [--seed 7]`: free moves. A wall of random size stands on the demo's table; start
 and goal are tip poses left and right of it, with random IK solutions, and the straight joint line
@@ -26,6 +32,7 @@ program on four times as many intervals.
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 import sys
 import time
@@ -44,6 +51,7 @@ from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
 from planner import (
     Body,
     Box,
+    Line,
     Manipulator,
     Part,
     PickAndPlace,
@@ -60,9 +68,11 @@ from planner.errors import FreeMoveError
 from planner.motion.free_move import plan_free_move
 from planner.motion.program.guess import follow
 from planner.motion.straight_line import MIN_LENGTH, StraightLine
+from planner.pick_place import cycle_search
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycles import CycleProgram
 from planner.pick_place.task import PlanRequest
+from sim import Simulation, World
 from sim.demo.options import DEFAULT_POSES_M
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles
 
@@ -89,6 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, help="how many motions")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--wall", action="store_true", help="the demo's cycles around a wall")
+    parser.add_argument("--bins", action="store_true", help="from bin to bin, not to a table")
     parser.add_argument("--segments", type=int, default=200, help="of s(t) (default: %(default)s)")
     given = parser.parse_args(argv)
     return 0 if KINDS[given.kind](given) else 1
@@ -186,6 +197,125 @@ def _walled(robot: Baxter) -> Iterator[Cycle]:
     moved = block.at(place * pick.inverse() * block.T_base_body)
     scene = scene.without("block").with_body(moved)
     yield Cycle(manipulator, scene, q, PickAndPlace("block", place, pick))
+
+
+# Picks out of bins
+
+BIN_M, BIN_WALL_M, LIFT_M = (0.37, 0.27, 0.22), 0.01, 0.01
+"""Depth, width and height inside; how far an item is lifted there."""
+
+LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""The hand points forwards, and its camera down; it may also be turned over."""
+
+
+def shelves(given: argparse.Namespace) -> bool:
+    """Plan tasks and print a line for each; whether all are planned, certified and executed."""
+    stopping = _Counter()
+    logging.getLogger(cycle_search.__name__).addHandler(stopping)
+    logging.getLogger(cycle_search.__name__).setLevel(logging.INFO)
+    robot, rng = Baxter.load(), np.random.default_rng(given.seed or 0)
+    arms = cycle([Manipulator.of(robot, side) for side in ("left", "right")])
+    number, durations, times, good, by_program = given.count or 20, [], [], 0, 0
+    for k, manipulator in zip(range(number), arms, strict=False):
+        began_s, plan, failures = time.process_time(), None, list[str]()
+        for each in _shelf_cycles(manipulator, rng, to_bin=given.bins):
+            stopping.count = 0
+            plan = each.plan()
+            if plan.failure is None:
+                break
+            failures.append(str(plan.failure))
+        times.append(time.process_time() - began_s)
+        if plan is None or plan.failure is not None:
+            print(f"{k:3d} {manipulator.arm.side}: {' | '.join(failures)}", flush=True)
+            continue
+        certificate, world = verify(plan), World.from_state(plan.start, robot)
+        is_done = Simulation(world).execute(plan, certificate=certificate).is_success
+        good += certificate.is_valid and is_done
+        by_program += stopping.count == 0
+        durations.append(plan.motion_time_s)
+        print(
+            f"{k:3d} {plan.limb}: {plan.motion_time_s:.2f} s of motion, "
+            f"{1e3 * (plan.proven_clearance_m or 0.0):.1f} mm clear, "
+            f"{'certified' if certificate.is_valid else 'NOT CERTIFIED'}, "
+            f"{'executed' if is_done else 'NOT EXECUTED'}, {times[-1]:.2f} s of CPU"
+            f"{', by the search with stops' if stopping.count else ''}",
+            flush=True,
+        )
+    print(f"{good} of {number} certified and executed, {by_program} by one program")
+    print(f"motion: median {np.median(durations):.2f} s, at most {max(durations):.2f} s")
+    print(f"planning: median {np.median(times):.2f} s of CPU, at most {max(times):.2f} s")
+    return good == number
+
+
+class _Counter(logging.Handler):
+    """Counts messages."""
+
+    count = 0
+
+    def emit(self, record: logging.LogRecord) -> None:  # noqa: ARG002 - all are alike
+        """Count one."""
+        self.count += 1
+
+
+def _shelf_cycles(
+    manipulator: Manipulator, rng: np.random.Generator, *, to_bin: bool
+) -> list[Cycle]:
+    """One task, with the hand either way up."""
+    outward = 1.0 if manipulator.arm.side == "left" else -1.0
+    front, low = rng.uniform(0.74, 0.80), rng.uniform(0.0, 0.25)
+    y = outward * (rng.uniform(0.0, 0.15) if to_bin else rng.uniform(-0.05, 0.15))
+    depth, height, width = (
+        rng.uniform(0.10, 0.25),
+        rng.uniform(0.10, 0.18),
+        rng.uniform(0.03, 0.054),
+    )
+    item_y, table_y = y + rng.uniform(-0.04, 0.04), outward * rng.uniform(0.36, 0.42)
+    part = Part(Box((width, width, height)), pin.SE3.Identity())
+    at = np.array([front + depth, item_y, low + height / 2.0])
+    item = Body("item", (part,), pin.SE3(np.eye(3), at), is_movable=True)
+    shift = np.array([0.0, outward * (BIN_M[1] + BIN_WALL_M), 0.0])
+    bodies = [*_bin("bin", front, y, low), item]
+    bodies += _bin("other bin", front, y + shift[1], low) if to_bin else []
+    bodies += [] if to_bin else demo_bodies(manipulator.arm.side)[:1]
+    grip_m, out_m = max(min(height / 2.0, 0.09), 0.07), depth + 0.06
+    into, back = Line((1.0, 0.0, 0.0), out_m), Line("tool", out_m)
+    out = Line((0.0, 0.0, 1.0), LIFT_M), back
+    to_place = (into, Line((0.0, 0.0, -1.0), LIFT_M)) if to_bin else None
+    found = []
+    for flip in (1.0, -1.0):
+        R = LEVEL @ np.diag([flip, flip, 1.0])
+        pick = pin.SE3(R, np.array([front + depth, item_y, low + grip_m]))
+        turned = pin.utils.rotate("z", outward * 0.3) @ R
+        on_table = pin.SE3(turned, np.array([0.74, table_y, TABLE_Z_M + grip_m]))
+        task = PickAndPlace(
+            "item",
+            pick,
+            pin.SE3(R, pick.translation + shift) if to_bin else on_table,
+            approach=into,
+            retreat=out,
+            place_approach=to_place,
+            place_retreat=back if to_bin else Line("tool", 0.12),
+        )
+        found.append(Cycle(manipulator, Scene.of(bodies), manipulator.arm.start, task))
+    return found
+
+
+def _bin(name: str, front: float, y: float, low: float) -> list[Body]:
+    """Floor, roof and walls of a bin that is open towards the robot."""
+    (depth, width, height), wall = BIN_M, BIN_WALL_M
+    middle, beside = front + depth / 2.0, (width + wall) / 2.0
+    lid, side = (depth, width + 2.0 * wall, wall), (depth, wall, height)
+    return [
+        _boxed(f"{name}'s floor", lid, (middle, y, low - wall / 2.0)),
+        _boxed(f"{name}'s roof", lid, (middle, y, low + height + wall / 2.0)),
+        _boxed(
+            f"{name}'s back",
+            (wall, width, height),
+            (front + depth + wall / 2.0, y, low + height / 2.0),
+        ),
+        _boxed(f"{name}'s left wall", side, (middle, y + beside, low + height / 2.0)),
+        _boxed(f"{name}'s right wall", side, (middle, y - beside, low + height / 2.0)),
+    ]
 
 
 # Free moves
@@ -324,7 +454,7 @@ def _is_same(one: Trajectory | None, other: Trajectory | None) -> bool:
 # Straight moves
 
 
-class Line(NamedTuple):
+class StraightMove(NamedTuple):
     """A straight move of the tip, its limits and its speed at the start."""
 
     label: str
@@ -376,7 +506,7 @@ def lines(given: argparse.Namespace) -> bool:
     return True
 
 
-def optimum_s(line: Line, segments: int) -> float:
+def optimum_s(line: StraightMove, segments: int) -> float:
     """Minimum duration along the path of least norm."""
     joint_rates, joint_jerks = _rates(line)
     X, U, T = ca.MX.sym("X", 3, segments + 1), ca.MX.sym("U", 1, segments), ca.MX.sym("T")
@@ -407,7 +537,7 @@ def optimum_s(line: Line, segments: int) -> float:
     return float(solution["f"])
 
 
-def _rates(line: Line) -> tuple[ca.Function, ca.Function]:
+def _rates(line: StraightMove) -> tuple[ca.Function, ca.Function]:
     """Joint velocity and acceleration, and jerk, divided by their limits, as functions of s(t)."""
     x, jerk = ca.SX.sym("x", 3), ca.SX.sym("jerk")
     s, v, a = ca.vertsplit(x)
@@ -433,7 +563,7 @@ def _guess(segments: int) -> FloatArray:
     return np.concatenate([np.stack([s, v, a], axis=1).ravel(), np.diff(a) * segments, [1.0]])
 
 
-def _coefficients(line: Line) -> FloatArray:
+def _coefficients(line: StraightMove) -> FloatArray:
     """The path of least norm as Chebyshev polynomials in 2 s - 1, shape (DEGREE + 1, 7)."""
     s = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
     steps = np.unique(np.concatenate([s[1:], np.linspace(0.0, 1.0, MAX_STEPS + 1)[1:]]))
@@ -443,7 +573,7 @@ def _coefficients(line: Line) -> FloatArray:
     return np.asarray(np.linalg.solve(vandermonde, qs), dtype=np.float64)
 
 
-def _lines() -> Iterator[Line]:
+def _lines() -> Iterator[StraightMove]:
     robot = Baxter.load()
     ways = {
         "sideways 20 cm": ((0.0, -0.2, 0.0), (0.0, 0.0, 0.0)),
@@ -458,17 +588,17 @@ def _lines() -> Iterator[Line]:
             where = f"{arm.side} ({x:.2f}, {sign * y:.2f})"
             hover, goal = (_down(x, sign * y, height) for height in (z + DESCENT_M, z))
             q = ik.solve(hover, current=arm.start).q
-            yield Line(f"{where} descend", arm, q, goal, limits)
+            yield StraightMove(f"{where} descend", arm, q, goal, limits)
             q_down = plan_straight_move(arm, q, goal, limits).q_goal
-            yield Line(f"{where} retract", arm, q_down, hover, limits)
-            yield Line(f"{where} descend from 0.2 m/s", arm, q, goal, limits, 0.2)
-            yield Line(f"{where} descend, speed 0.2", arm, q, goal, limits.scaled(0.2))
+            yield StraightMove(f"{where} retract", arm, q_down, hover, limits)
+            yield StraightMove(f"{where} descend from 0.2 m/s", arm, q, goal, limits, 0.2)
+            yield StraightMove(f"{where} descend, speed 0.2", arm, q, goal, limits.scaled(0.2))
         start = _down(0.65, sign * 0.25, 0.05)
         q = ik.solve(start, current=arm.start).q
         for label, (shift, turn) in ways.items():
             R = pin.exp3(np.array(turn)) @ start.rotation
             goal = pin.SE3(R, start.translation + np.array(shift))
-            yield Line(f"{arm.side} {label}", arm, q, goal, limits)
+            yield StraightMove(f"{arm.side} {label}", arm, q, goal, limits)
 
 
 def _down(x: float, y: float, z: float) -> pin.SE3:
@@ -477,6 +607,7 @@ def _down(x: float, y: float, z: float) -> pin.SE3:
 
 KINDS: dict[str, Callable[[argparse.Namespace], bool]] = {
     "cycles": cycles,
+    "shelves": shelves,
     "paths": paths,
     "lines": lines,
 }

@@ -77,7 +77,11 @@ def specimens_of(
         ),
         "body": (RobotBody.load(), RobotBody.load().padded(0.01)),
         "space": (space, space.with_margin(0.001)),
-        "line": (planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)), planner.LineTolerance()),
+        "line": (
+            planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)),
+            planner.LineTolerance(),
+            planner.Line("tool", 0.1),
+        ),
         "simulation": simulation,
         "outcome": outcome,
         "bench": (

@@ -5,11 +5,12 @@ pick    open - approach - descend - close - retract
 place   approach - descend - open - retract
 ```
 
-The tip descends to a pose and rises from it along a straight line, and moves sideways only
-`clear_m` above it and higher, without a stop in between. On the way between both poses, at the
-knots of the motion, it is above the lower of these two heights. It stops to grasp, to release, and
-`hover_m` above the place, where the cycle ends. While a body is carried sideways it may touch
-nothing, including its supports. Each move is proven free of collision at every instant
+The tip descends to a pose and retracts from it along straight lines, and moves freely only beyond
+them, without a stop in between. By default the lines are vertical: it moves sideways only `clear_m`
+above a pose and higher, and, at the knots of the motion between both poses, it is above the lower
+of these two heights. It stops to grasp, to release, `hover_m` above the place, where the cycle
+ends, and between the lines of a retreat that has several. Beyond the line that leads away from its
+support, a carried body may touch nothing. Each move is proven free of collision at every instant
 (`planner.collision.proof`). The motions of a cycle are one nonlinear program, and are
 together as fast as limits and lines allow (`planner.motion`); where they collide, they are led
 around obstacles, and where that fails, other pairs of IK solutions are tried, with a stop above
@@ -35,7 +36,15 @@ from planner.motion.response import Response
 from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
-from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
+from planner.pick_place.task import (
+    UP,
+    Line,
+    Lines,
+    PickAndPlace,
+    PlanRequest,
+    checked_height_m,
+    checked_lines,
+)
 from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
 from planner.scene.bodies import Attachment, Scene
@@ -183,8 +192,9 @@ def plan_retract(
     held: Sequence[Attachment] = (),
     line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     clip_start: bool = False,
+    retreat: Lines = (),
 ) -> Plan:
-    """Open the fingers, and rise straight up from the current pose.
+    """Open the fingers, and rise straight up from the current pose, or retreat along other lines.
 
     For example after a missed grasp: leave the missed body out of the scene, as its pose is
     unknown.
@@ -193,7 +203,7 @@ def plan_retract(
         manipulator: the arm and its hand, which is empty.
         scene: all bodies that must not be touched.
         q_now: current configuration of the arm, shape (7,), rad.
-        height_m: height of the rise, above zero.
+        height_m: height of the rise, above zero; not given with `retreat`.
         state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
             manipulator's `q_others`.
         margin_m: distance that is proven to be kept from everything, except between links up to two
@@ -204,13 +214,15 @@ def plan_retract(
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
+        retreat: one line or several, in place of the rise.
 
     Returns:
-        A plan; when the rise is impossible, an invalid one that says why.
+        A plan; when the retreat is impossible, an invalid one that says why.
 
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
-        TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
+        TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`, both
+            it and `retreat` are given, or that is not of type `Line`.
         MotionError: when the margin is not a number, or negative, or a tolerance has the wrong
             type.
     """
@@ -225,7 +237,11 @@ def plan_retract(
         q_name="q_now",
         clip_start=clip_start,
     )
-    rise_m = checked_height_m(height_m, "height_m", TaskError)
+    lines = checked_lines(retreat)
+    if not lines:
+        lines = (Line(UP, checked_height_m(height_m, "height_m", TaskError)),)
+    elif not math.isnan(height_m):
+        raise TaskError("give either height_m or retreat=, not both")
     opening_m = request.manipulator.hand.stroke_m
 
     def add_steps(builder: PlanBuilder) -> None:
@@ -233,7 +249,7 @@ def plan_retract(
         context = request.manipulator.context(
             request.scene, finger_m=opening_m, margin_m=request.margin_m
         )
-        builder.add_rise("retract", rise_m, context)
+        builder.add_retreat("retract", lines, context)
 
     return _built(request, add_steps)
 

@@ -133,6 +133,7 @@ class Phase(NamedTuple):
             not bounded.
         enters: whether the tip has a given speed along its line at the start; for the first phase.
         leaves: the same at the end; for the last phase.
+        may_sink: whether a phase without a line has no minimum height.
     """
 
     intervals: int
@@ -142,11 +143,12 @@ class Phase(NamedTuple):
     at_goal: bool = False
     enters: bool = False
     leaves: bool = False
+    may_sink: bool = False
 
     @property
     def keeps_height(self) -> bool:
         """Whether its tip stays above a height."""
-        return self.line is None and not self.at_goal
+        return self.line is None and not self.at_goal and not self.may_sink
 
 
 @dataclass(frozen=True, slots=True, eq=False)
