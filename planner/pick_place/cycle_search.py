@@ -257,7 +257,7 @@ class CycleSearch:
         for leg in cycle.legs:
             if leg.label in grips:
                 builder.add_grip(*grips[leg.label])
-            context, is_straight = self._contexts[leg.label], leg.line is not None
+            context, is_straight = self._contexts[leg.label], leg.ends is not None
             motion = proven_motions.get(leg.label) or proven(leg.stage, motions[leg.label], context)
             builder.add_move(leg.label, motion, context, leg.T_base_goal, is_straight=is_straight)
 

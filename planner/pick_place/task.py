@@ -179,22 +179,29 @@ class Leg(NamedTuple):
             away are numbered outwards, from 2 on.
         stage: one of `MOVES`.
         T_base_goal: pose of the tip at its end.
-        line: of the tip, from the end that is nearer to the pick or place; None where it is free.
+        ends: poses of the tip at the ends of its line, the one that is nearer to the pick or place
+            first; None where the tip is free.
         rests: whether the arm rests at its end.
     """
 
     label: str
     stage: str
     T_base_goal: pin.SE3
-    line: StraightLine | None = None
+    ends: tuple[pin.SE3, pin.SE3] | None = None
     rests: bool = False
+
+    @property
+    def line(self) -> StraightLine | None:
+        """The line of the tip, outwards; None where it is free."""
+        return None if self.ends is None else StraightLine(*self.ends)
 
     @property
     def is_upright(self) -> bool:
         """Whether its line leads straight up from the end that is nearer to the pick or place."""
-        if self.line is None:
+        if self.ends is None:
             return False
-        x, y, z = self.line.twist[:3].tolist()
+        near, far = self.ends
+        x, y, z = (far.translation - near.translation).tolist()
         return bool(z > 0.0 and math.hypot(x, y) <= MAX_SLOPE * z)
 
 
@@ -207,7 +214,7 @@ def _inwards(
         poses.append(line.start(poses[-1]))
     yield Leg(sideways, sideways, poses[-1])
     for k, (near, far) in reversed(list(enumerate(pairwise(poses)))):
-        yield Leg(numbered(stage, k), stage, near, StraightLine(near, far), rests=True)
+        yield Leg(numbered(stage, k), stage, near, (near, far), rests=True)
 
 
 def _outwards(
@@ -216,8 +223,8 @@ def _outwards(
     """The legs away from a pose; all but the last end at rest, and that one if `rests`."""
     poses = retreat_poses(T_base_tip, retreat)
     for k, (near, far) in enumerate(pairwise(poses)):
-        line, is_last = StraightLine(near, far), k + 1 == len(retreat)
-        yield Leg(numbered(stage, k), stage, far, line, rests or not is_last)
+        is_last = k + 1 == len(retreat)
+        yield Leg(numbered(stage, k), stage, far, (near, far), rests or not is_last)
 
 
 def numbered(stage: str, k: int) -> str:
