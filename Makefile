@@ -24,11 +24,11 @@ docs: $(VENV)/.docs
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto $(ARGS)
 
-test-all: $(VENV)/.test # with the campaigns, which take hours
+test-all: $(VENV)/.test # with slow tests, and campaigns, which take hours
 	$(BIN)/python -m pytest -n auto -m "" $(ARGS)
 
 quick: check $(VENV)/.test # while you work: what is checked, and the laws, with few examples each
-	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" \
+	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not slow and not campaign" \
 	  --hypothesis-profile=quick tests/baxter_kin tests/planner $(ARGS)
 
 check: $(VENV)/.check

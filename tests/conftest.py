@@ -21,10 +21,11 @@ from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS
 from planner import Body, Manipulator, Scene, State, load_object, plan_pick_and_place
 from planner.collision.robot.robot_body import RobotBody
-from tests import cpu_time, skips
+from tests import cpu_time, shares, skips
 from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
 from tests.cpu_time import pytest_configure  # noqa: F401 - pytest finds its hooks here
+from tests.shares import pytest_collection_modifyitems  # noqa: F401 - the same
 from tests.skips import (  # noqa: F401 - the same
     pytest_sessionfinish,
     pytest_terminal_summary,
@@ -44,6 +45,7 @@ settings.load_profile("ci" if os.environ.get("CI") else "default")
 def pytest_addoption(parser: pytest.Parser) -> None:
     skips.pytest_addoption(parser)
     cpu_time.pytest_addoption(parser)
+    shares.pytest_addoption(parser)
 
 
 def overhead(x: float, y: float, z: float) -> pin.SE3:

@@ -153,6 +153,7 @@ def test_every_error_survives() -> None:
             assert again.__dict__ == error.__dict__
 
 
+@pytest.mark.slow
 def test_an_error_in_a_worker_reaches_the_caller() -> None:
     """`UnknownNameError` once hung a pool for ever."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -92,6 +92,7 @@ SORTING = pytest.param("sorting", marks=pytest.mark.campaign)
 """It takes as long as all the others; what it shows of two arms is tested with a workbench, too."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["three_poses", "tower", "right_arm", SORTING])
 def test_all_tasks_are_done_and_verified_and_nothing_is_hit_pushed_or_missed(
     runs: Callable[[str], Run], name: str
@@ -103,6 +104,7 @@ def test_all_tasks_are_done_and_verified_and_nothing_is_hit_pushed_or_missed(
     assert kinds.isdisjoint({EventKind.HIT, EventKind.PUSHED, EventKind.MISSED})
 
 
+@pytest.mark.slow
 def test_the_replay_is_one_whole_page(runs: Callable[[str], Run]) -> None:
     folder = runs("three_poses").folder
     assert sorted(path.name for path in folder.iterdir()) == ["run.html", "run.mcap"]
@@ -121,6 +123,7 @@ def test_the_block_visits_the_three_poses(runs: Callable[[str], Run]) -> None:
     np.testing.assert_allclose(path[-1], path[0], atol=PLACED_WITHIN_M)
 
 
+@pytest.mark.slow
 def test_the_tower_stands_straight(runs: Callable[[str], Run]) -> None:
     run, height_m = runs("tower"), 0.0
     for name, edge_m, _ in tower.BLOCKS:
@@ -156,6 +159,7 @@ def test_both_arms_sort_and_one_waits_in_neutral_while_the_other_moves(
     assert np.logical_or(*stands).all()
 
 
+@pytest.mark.slow
 def test_the_right_hand_refuses_the_wide_block(runs: Callable[[str], Run]) -> None:
     run = runs("right_arm")
     assert "wide measures 54.0 mm, 55.3 mm between the pads as it lies" in run.said
@@ -181,6 +185,7 @@ def closeness(
     return Closeness(robot, recording.bodies.values()).along(fewer)
 
 
+@pytest.mark.slow
 def test_the_arms_never_touch_each_other(closeness: Mapping[tuple[str, str], float]) -> None:
     between = {
         pair: distance
@@ -202,6 +207,7 @@ def test_arms_that_touch_would_be_noticed(bench: Workbench) -> None:
     assert found["left_wrist", "right_wrist"] < 0.0
 
 
+@pytest.mark.slow
 def test_the_robot_touches_blocks_with_its_pads_only(
     closeness: Mapping[tuple[str, str], float],
 ) -> None:
@@ -212,6 +218,7 @@ def test_the_robot_touches_blocks_with_its_pads_only(
     assert not any("table" in pair for pair in of_robot)
 
 
+@pytest.mark.slow
 def test_nothing_is_ever_inside_another(closeness: Mapping[tuple[str, str], float]) -> None:
     for pair, distance in closeness.items():
         is_of_tip = any(link.endswith("_finger_tip") for link in pair)
@@ -242,6 +249,7 @@ def stand(bench: Workbench, tip_m: tuple[float, float, float]) -> None:
     bench.world.move_arm("right", ik.solve(pose_from_quaternion(tip_m, (0, 1, 0, 0))).q)
 
 
+@pytest.mark.slow
 def test_another_arm_in_the_way_is_named_and_one_beside_it_is_passed(
     bench: Workbench,
 ) -> None:
@@ -266,6 +274,7 @@ def test_another_arm_in_the_way_is_named_and_one_beside_it_is_passed(
     assert "right_" in outcome
 
 
+@pytest.mark.slow
 def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
     def story(bench: Workbench, _rng: np.random.Generator) -> None:
         bench.add_block("far", 1.30, 0.0, edge_m=0.04, colour="red")
@@ -326,6 +335,7 @@ def test_an_arm_that_stands_beside_the_table_stays_there(bench: Workbench) -> No
     assert bench.motion_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_place_for_the_table_is_found_and_confirmed(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("zarr", reason="maps need zarr, and it Python 3.11", exc_type=ImportError)
     assert where_to_put_the_table.main([]) == 0

@@ -65,6 +65,7 @@ def run_cycle(
     return simulation.execute(plan), diary
 
 
+@pytest.mark.slow
 def test_fault_tip_stays_5_6_mm_above_the_pick(manipulator: Manipulator, scene: Scene) -> None:
     """The original stops as soon as every joint is within 0.0087 rad."""
     plan = plan_pick_and_place(
@@ -82,6 +83,7 @@ def test_fault_solution_counts_as_valid_within_10_mm(ik: IKService, left: Arm) -
     assert result.orientation_error_rad <= 1e-6
 
 
+@pytest.mark.slow
 def test_fault_half_of_the_reachable_poses_unsolved(ik: IKService, left: Arm) -> None:
     """The original solves 47-57 %."""
     rng = np.random.default_rng(9)

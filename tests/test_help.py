@@ -52,6 +52,7 @@ def examples_in(text: str) -> list[str]:
     return [line.strip() for line in after.split("\n\n")[0].splitlines()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", [*OPTIONS, *EXAMPLES])
 def test_help_has_examples_that_parse_and_lines_that_fit(
     module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -38,6 +38,7 @@ def printed(*words: str) -> str:
     return subprocess.check_output([sys.executable, str(SCRIPT), *words], text=True)
 
 
+@pytest.mark.slow
 def test_it_counts_prints_and_draws(tmp_path: Path) -> None:
     numbers, picture = tmp_path / "rates.json", tmp_path / "rates.png"
     outputs = ["--json", str(numbers), "--plot", str(picture), "--jobs", "1"]

@@ -87,6 +87,7 @@ def test_what_has_wheels_is_let_through(machine: Any) -> None:
     assert set_up.obstacle(machine) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "reason", "do"),
     [

@@ -43,6 +43,7 @@ def test_skipped_tests_are_counted_and_explained_in_one_line_a_reason(run: Run) 
     assert done.ret == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "status"),
     [

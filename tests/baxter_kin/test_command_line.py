@@ -73,6 +73,7 @@ def test_progress_is_for_terminals_and_for_who_wants_it(
         assert ("info:  67%" in capsys.readouterr().err) == is_shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_every_command_tells_its_version(name: str) -> None:
     done = subprocess.run(

@@ -90,12 +90,14 @@ def planned(
     return plan_pick_and_place(task, Manipulator.of(ROBOT, side), scene, ROBOT.arm(side).neutral)
 
 
+@pytest.mark.slow
 def test_the_plan_of_the_faster_arm_is_right() -> None:
     said = check_faster_arm(planned("left"))
     assert said.is_right, said
     assert "the left arm is faster" in said.text
 
 
+@pytest.mark.slow
 def test_plans_of_other_tasks_are_explained() -> None:
     assert_told(check_faster_arm(planned("right")), "the right arm needs .* the left arm needs")
     assert_told(check_faster_arm(planned("left", (0.7, 0.2, -0.3))), "refused: place: descend")

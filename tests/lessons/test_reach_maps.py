@@ -93,6 +93,7 @@ def test_the_nearest_pose_is_right(table_map: ReachMap) -> None:
     assert check_nearest(nearest_reachable(table_map, FAR, "left")).is_right
 
 
+@pytest.mark.slow
 def test_a_wrong_nearest_pose_is_explained(table_map: ReachMap) -> None:
     found = nearest_reachable(table_map, FAR, "left")
     assert found.q is not None

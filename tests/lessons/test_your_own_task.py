@@ -97,6 +97,7 @@ def test_a_slow_way_back_is_right_and_so_is_a_slower_one(slow: Plan) -> None:
     assert check_way_back(planned(ratio=0.2)).is_right
 
 
+@pytest.mark.slow
 def test_a_wrong_way_back_is_explained(fast: Plan) -> None:
     assert_told(check_way_back(fast), r"velocity limit; .*speed_ratio=0\.25")
     assert_told(check_way_back(planned((0.70, 0.27, -0.3))), "refused: place")

@@ -22,6 +22,7 @@ MESHES = sorted(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_the_robots_vertices_are_those_that_pinocchio_reads(path: Path) -> None:
     ours = np.unique(read_collada(path)[0], axis=0)

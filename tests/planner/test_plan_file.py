@@ -263,6 +263,7 @@ def places(data: Any) -> list[tuple[Any, Any]]:
     return found
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=60)
 def test_any_content_with_a_checksum_that_fits_is_a_plan_or_refused(

@@ -72,6 +72,7 @@ def test_a_difference_is_named_and_status_1(
     assert said.endswith("2 maps differ\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peaks are read from Linux' /proc")
 def test_peaks_are_those_of_the_system_and_a_failure_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

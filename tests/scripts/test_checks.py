@@ -16,6 +16,7 @@ POSES, MEET_M, OUTSIDE_M = 12, 1e-6, 2e-4
 check_ik: Any = importlib.import_module("check_ik")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "words"),
     [
@@ -39,6 +40,7 @@ def edges(arm: Arm) -> tuple[tuple[pin.SE3, NDArray[np.float64]], ...]:
     return tuple(edge for edge in found if edge is not None)[:POSES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inside_m", [2e-6, 1e-6, 0.0, -0.9e-6])
 def test_poses_are_solved_up_to_the_edge(arm: Arm, edges: Any, inside_m: float) -> None:
     ik = IKService(arm)

@@ -88,6 +88,7 @@ def test_calls_are_judged_and_what_is_returned_is_read(
     assert judged(function, **given) == kind
 
 
+@pytest.mark.slow
 def test_a_small_run_finds_no_fault(capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--count", "150", "--jobs", "1", "--only", "baxter_kin.J"]
     status = fuzz.main(options)
@@ -114,6 +115,7 @@ def work_badly(there: Any, names: list[str], each: int, number: int, folder: Pat
         there.send(("report", fuzz.Report("returned", name)))
 
 
+@pytest.mark.slow
 def test_what_crashes_and_what_hangs_is_told_and_the_rest_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -61,6 +61,7 @@ def test_nothing_to_compare_is_a_failure(tmp_path: Path) -> None:
     assert golden_outputs.main(["compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 1
 
 
+@pytest.mark.slow
 def test_a_plan_is_recorded_with_its_certificate(tmp_path: Path) -> None:
     golden_outputs._record_one(("plans", "plain", 0, str(tmp_path)))
     found = json.loads((tmp_path / "plans" / "plain_0.json").read_text())

@@ -17,6 +17,7 @@ def printed(capsys: pytest.CaptureFixture[str], words: str) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_task_is_planned_verified_and_compared(capsys: pytest.CaptureFixture[str]) -> None:
     said = printed(capsys, "cycles --count 1")
     assert "1 of 1 tasks have plans" in said
@@ -32,6 +33,7 @@ def test_plans_around_the_wall_keep_clear_of_it(capsys: pytest.CaptureFixture[st
     assert min(clear_mm) >= 2.0
 
 
+@pytest.mark.slow
 def test_a_line_takes_no_longer_than_by_other_means(capsys: pytest.CaptureFixture[str]) -> None:
     said = printed(capsys, "lines --count 1 --segments 100")
     norm, finer = (float(x) for x in re.findall(r"worst (\S+),", said))

@@ -49,6 +49,7 @@ def test_one_run_solves_exercises_writes_into_its_folder_and_finds_faults(tmp_pa
     assert (tmp_path / "here.csv").is_file()
 
 
+@pytest.mark.slow
 def test_a_driver_that_came_too_late_tries_again_and_another_error_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -108,6 +108,7 @@ def lift(m: Manipulator, q: FloatArray, height_m: float = 0.06) -> Move:
 # The robot
 
 
+@pytest.mark.slow
 def test_no_two_links_that_are_not_joined_overlap_at_rest(manipulator: Manipulator) -> None:
     q = np.array(manipulator.arm.neutral)
     still = Move("stay", Trajectory.stay(q, manipulator.limits))
@@ -297,6 +298,7 @@ def test_bodies_are_pushed_as_the_hand_says(
 # Releases, hands, states
 
 
+@pytest.mark.slow
 def test_a_body_let_go_in_the_air_falls(manipulator: Manipulator, table: Body) -> None:
     m, body = manipulator, block()
     q = grasp_q(m, body)
@@ -367,6 +369,7 @@ def test_a_plan_that_does_nothing_does_not_do_its_task(
 # The harness
 
 
+@pytest.mark.slow
 def test_problems_are_the_same_for_the_same_seed() -> None:
     problems = importlib.import_module("referee.problems")
     for family in ("obstacles", "odd bodies", "rods", "other hand holding"):
@@ -388,6 +391,7 @@ def test_the_table_counts() -> None:
     assert row == "| plain | 4 | 2 | 1 | 1 | 0 | 1 | 0.20, 0.20 | 0.60 |"
 
 
+@pytest.mark.slow
 def test_one_problem_from_start_to_end() -> None:
     found = importlib.import_module("check_plans").run_trial("plain", 0, 0)
     assert "error" not in found

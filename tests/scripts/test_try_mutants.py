@@ -26,6 +26,7 @@ def body(robot: Baxter) -> Body:
     return Body(robot.description.text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", script.MUTATIONS)
 def test_no_mutant_is_certified_wrongly(
     document: dict[str, Any], body: Body, robot: Baxter, kind: str
@@ -38,6 +39,7 @@ def test_no_mutant_is_certified_wrongly(
         assert not outcome.startswith("WRONG"), what
 
 
+@pytest.mark.slow
 def test_a_plan_that_is_unchanged_is_certified(
     document: dict[str, Any], body: Body, robot: Baxter
 ) -> None:

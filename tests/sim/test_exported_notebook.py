@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from nbconvert import HTMLExporter
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
@@ -11,6 +12,7 @@ from sim import Replay
 from tests.sim.conftest import Watched
 
 
+@pytest.mark.slow
 def test_replay_plays_in_an_exported_notebook(
     watched: Watched, tmp_path: Path, replay: Replay
 ) -> None:

@@ -38,6 +38,7 @@ def bounds(points: FloatArray) -> FloatArray:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mount", MOUNTS, ids=str)
 def test_fingers_are_drawn_where_they_are_mounted(mount: ElectricGripper) -> None:
     """The closed right hand, seen from its flange, against the files and Rethink's numbers."""
@@ -87,6 +88,7 @@ def test_a_tool_is_drawn_where_it_is() -> None:
     assert (np.einsum("ij,ij->i", across, normals.astype(float)) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_wide_fingers_carry_what_narrow_ones_cannot_take(robot: Baxter) -> None:
     """A block of 12 cm: planned, verified, executed, recorded and shown; refused for others."""
     edge_m, table_z_m = 0.12, -0.155

@@ -52,6 +52,7 @@ def pixels(cell: NotebookNode, caption: str) -> Any:
     return np.asarray(png, dtype=int)
 
 
+@pytest.mark.slow
 def test_a_replay_becomes_a_picture_of_its_moment(replay: Replay) -> None:
     early, late = shown(replay, moment=0.0), shown(replay, moment=1.0)
     replace(early, late)
@@ -61,6 +62,7 @@ def test_a_replay_becomes_a_picture_of_its_moment(replay: Replay) -> None:
     assert (np.abs(first - last).max(axis=2) > 50).sum() > 1000
 
 
+@pytest.mark.slow
 def test_a_view_waits_for_the_next_cell_and_other_outputs_stay(robot: Baxter) -> None:
     text = new_code_cell("")
     text.outputs = [new_output("stream", name="stdout", text="done\n")]

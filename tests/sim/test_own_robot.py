@@ -75,6 +75,7 @@ def executed(own: Own, scene: Scene, *, plan: Plan | None = None) -> Recording:
     return recorder.recording()
 
 
+@pytest.mark.slow
 def test_is_planned_and_verified_for_itself_and_refused_for_the_stock_robot(
     own: Own, robot: Baxter
 ) -> None:
@@ -90,6 +91,7 @@ def test_is_planned_and_verified_for_itself_and_refused_for_the_stock_robot(
         Simulation(world).execute(own.plan)
 
 
+@pytest.mark.slow
 def test_survives_its_file_and_is_judged_on_the_stock_robot_where_that_has_its_joints(
     own: Own, robot: Baxter, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,6 +108,7 @@ def test_survives_its_file_and_is_judged_on_the_stock_robot_where_that_has_its_j
     assert "for another robot" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_is_executed_recorded_and_replayed(
     own: Own, robot: Baxter, scene: Scene, tmp_path: Path
 ) -> None:
@@ -182,6 +185,7 @@ def test_meshes_go_along_with_a_link_that_is_mounted_elsewhere(robot: Baxter) ->
     assert moved == {"electric_gripper_base", "hand_camera", "hand_range"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VARIANTS)
 def test_robots_of_any_file_have_all_shapes_and_all_that_is_seen(name: str) -> None:
     """Each part is on the same joint, where it is drawn; only grippers may be missing."""
@@ -204,6 +208,7 @@ def test_robots_of_any_file_have_all_shapes_and_all_that_is_seen(name: str) -> N
     assert len(list(tree.body_commands(RobotBody.load()))) >= len(set(shapes.links))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["camera_named_as_a_moving_joint", "grippers_on_bases", "older_head"]
 )
@@ -247,6 +252,7 @@ def test_a_plan_for_the_drawing_is_judged_on_a_real_robot_and_by_how_much_it_is_
     assert "FAILS  tip position" in said.out
 
 
+@pytest.mark.slow
 def test_a_certificate_of_another_robot_is_of_no_plan(stock_plan: Plan, robot: Baxter) -> None:
     wider = Baxter.load(robot.description.text.replace('velocity="1.5"', 'velocity="1.6"'))
     with pytest.raises(TaskError, match="on_another_robot=True"):
@@ -256,6 +262,7 @@ def test_a_certificate_of_another_robot_is_of_no_plan(stock_plan: Plan, robot: B
     assert verify(stock_plan).is_of(stock_plan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["one", "another"])
 def test_plans_for_real_robots_are_as_clear_and_as_fast_as_for_the_drawing(
     stock_plan: Plan, scene: Scene, measured: str

@@ -53,6 +53,7 @@ def test_ros_reads_what_we_write(joints: list[tuple[str, float, float]], sec: in
     assert serialised_by_ros(found) == data
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.integers(-128, 127))), st.lists(DURATIONS, min_size=2, max_size=2))
 def test_we_read_what_we_write(many: list[list[int]], pair: list[float]) -> None:
     inner = {"pair": pair, "words": ["a", "ü"], "yes": True}

@@ -63,6 +63,7 @@ def raising(_: FloatArray) -> FloatArray:
     raise ZeroDivisionError("no luck\nat all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "solved", "solved_loosely", "is_wrong"),
     [
@@ -110,6 +111,7 @@ def test_statistics_are_those_of_numpy(poses: PoseSet) -> None:
     assert row.max_ms == times_ms.max()
 
 
+@pytest.mark.slow
 def test_solvers_take_turns_in_fixed_order_on_the_same_poses(left: Arm, verifier: Verifier) -> None:
     poses = draw_poses(left, Scenario.MID_RANGE, count=BLOCK + 1, seed=0)
     calls: list[str] = []

@@ -91,6 +91,7 @@ def test_a_local_cluster_keeps_its_number_of_workers(monkeypatch: pytest.MonkeyP
             client.wait_for_workers(1, timeout=120)
 
 
+@pytest.mark.slow
 def test_what_dead_workers_had_is_run_again(cluster: DaskCluster, tmp_path: Path) -> None:
     items = [(str(tmp_path), number) for number in range(3)]
     for number in (1, 2):

@@ -63,6 +63,7 @@ def test_every_item_gets_its_answer() -> None:
         assert not list(each.run(tasks.squared, []))
 
 
+@pytest.mark.slow
 def test_what_a_dead_worker_had_is_run_again_and_the_others_go_on(tmp_path: Path) -> None:
     items = [(str(tmp_path), number) for number in range(4)]
     (tmp_path / "2").touch()
@@ -70,6 +71,7 @@ def test_what_a_dead_worker_had_is_run_again_and_the_others_go_on(tmp_path: Path
     assert dict(LocalPool(2).run(tasks.dies_once, items)) == {item: item[1] for item in items}
 
 
+@pytest.mark.slow
 def test_workers_killed_from_outside_are_replaced() -> None:
     killed, done = set[int](), list[int]()
     for number, pid in LocalPool(2).run(tasks.own_pid, range(30)):
@@ -125,6 +127,7 @@ def test_running_tasks_end_when_the_caller_stops() -> None:
     assert is_gone(pid)
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_so_at_once(tmp_path: Path) -> None:
     script = started(tmp_path, UNGUARDED)
     said, _ = script.communicate(timeout=120)
@@ -150,6 +153,7 @@ def test_workers_end_with_the_process_that_began_them(tmp_path: Path, how: str) 
     assert complaints.count("Traceback") == (how == "Ctrl-C")  # its own, and none of a worker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, -1, 2.5, 10_000])
 def test_a_pool_has_workers(workers: int) -> None:
     with pytest.raises(RequestError, match="workers must be a whole number from 1 to 1024"):

@@ -101,6 +101,7 @@ def test_a_block_is_read_as_it_was_written_and_whole(built: BuiltMap, tmp_path: 
     assert digests(own.path) == digests(built.path)
 
 
+@pytest.mark.slow
 def test_a_block_without_its_bytes_or_with_others_is_not_used(
     built: BuiltMap, tmp_path: Path
 ) -> None:

@@ -37,6 +37,7 @@ class StoppedError(Exception):
 # Building ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_worker_processes_write_the_same_bytes(built: BuiltMap, tmp_path: Path) -> None:
     path = tmp_path / "pool.zarr"
     assert not built.build(path, engine=LocalPool(2)).missing_blocks()
@@ -72,6 +73,7 @@ def test_a_build_that_was_stopped_computes_what_is_missing_and_nothing_else(
     assert digests(own.path) == digests(built.path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", [Serial(), LocalPool(1)], ids=["serial", "pool"])
 def test_a_full_disk_ends_a_build_and_what_is_stored_stays_whole(
     built: BuiltMap, tmp_path: Path, engine: Engine
@@ -183,6 +185,7 @@ class SimulatedMap:
         return self.now_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [1.0, 0.3], ids=["all", "missing"])
 def test_an_estimate_has_no_bias_and_its_error_is_the_spread(share: float) -> None:
     of, off = SimulatedMap(), list[float]()
@@ -198,6 +201,7 @@ def test_an_estimate_has_no_bias_and_its_error_is_the_spread(share: float) -> No
     assert np.mean(np.abs(off) > 2.0) < 0.12
 
 
+@pytest.mark.slow
 def test_a_reach_map_has_the_size_that_was_estimated(small_map: ReachMap) -> None:
     definition = small_map.definition()
     definition.sample = 11  # of more blocks
@@ -208,6 +212,7 @@ def test_a_reach_map_has_the_size_that_was_estimated(small_map: ReachMap) -> Non
     assert cost.size_bytes == pytest.approx(stored, rel=0.15)  # chunks of others compress otherwise
 
 
+@pytest.mark.slow
 def test_only_missing_blocks_cost_something(built: BuiltMap) -> None:
     cost = estimate(built.definition, missing=built.map.blocks[:1], measure_s=1e-6)
     assert cost.cells == built.map.codes_of((built.map.read_rows(built.map.blocks[0]),)).size

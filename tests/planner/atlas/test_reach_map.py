@@ -69,6 +69,7 @@ def test_a_block_without_its_witnesses_is_damaged(small_map: ReachMap, tmp_path:
         found.cell("left", (x, y, z), rotation)
 
 
+@pytest.mark.slow
 def test_blocks_of_many_rotations_are_small_and_read_alike(
     robot: Baxter, small_map: ReachMap, tmp_path: Path
 ) -> None:

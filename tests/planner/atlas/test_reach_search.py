@@ -79,6 +79,7 @@ def test_stored_witnesses_reach_their_poses(robot: Baxter, side: str) -> None:
         assert 0.0 <= margin - cells.margins[i, r] * RAD_PER_MARGIN < RAD_PER_MARGIN + 1e-12
 
 
+@pytest.mark.slow
 def test_an_independent_solver_reaches_nothing_that_is_proven_unreachable(robot: Baxter) -> None:
     rotations, rng = RotationGrid.hopf(0), np.random.default_rng(8)
     points = sampled(robot, "left", 30, 9)

@@ -274,6 +274,7 @@ def test_a_plan_that_was_changed_is_refused(
 # Attacks on the world, with a certificate that is sought anew
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -411,6 +412,7 @@ def test_a_certificate_of_other_types_is_malformed(certified: Data, text: str, b
         judged(certified, text, body)
 
 
+@pytest.mark.slow
 def test_random_letters_and_directions_certify_nothing_false(
     certified: Data, text: str, body: Body
 ) -> None:

@@ -129,6 +129,7 @@ def _links_below(urdf: Any, joint_name: str) -> set[str]:
     return set(found)
 
 
+@pytest.mark.slow
 @settings(max_examples=2)
 @given(seeds)
 @example(0)  # the neutral configuration, in which nothing touches

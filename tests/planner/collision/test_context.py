@@ -91,6 +91,7 @@ def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
         assert space.with_margin(margin_m).is_free(q) == (distance > margin_m)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)  # each measures every pair
 @given(seeds, st.sampled_from([-PRESSING_TOLERANCE_M, -0.02]))
 def test_a_negative_margin_allows_a_depth(

@@ -236,6 +236,7 @@ def random_motion(checker: BothArms, neutral: FloatArray, seed: int) -> Trajecto
     return plan_joint_move(q_start, q_goal, checker.mover.limits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_the_proven_distance_of_both_arms_is_that_of_samples(
     checker: BothArms, full: FloatArray, neutral: FloatArray, seed: int

@@ -35,6 +35,7 @@ def swinging(manipulator: Manipulator, widths: FloatArray | float) -> JointTube:
     return JointTube(times, middle - np.asarray(widths) / 2, middle + np.asarray(widths) / 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wide_rad", [0.0, 0.08])
 def test_no_configuration_in_the_tube_is_nearer_than_proven(
     context: CollisionContext, manipulator: Manipulator, wide_rad: float

@@ -131,6 +131,7 @@ def at_height(x: float, y: float, z: float) -> pin.SE3:
     return pose_from_quaternion((x, y, z), DOWN)
 
 
+@pytest.mark.slow
 def test_travelling_fingers_keep_a_margin(robot: Baxter, plain: RobotBody, table: Body) -> None:
     """For fingers of boxes, the opening shrinks by the additional margin."""
     manipulator = Manipulator.of(robot, "left", body=plain)

@@ -275,6 +275,7 @@ def test_a_mug_is_grasped_by_its_handle(real_hands: dict[str, Hand], yaw: float)
     assert grasp.width_m == pytest.approx(0.018, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.4])
 def test_a_plan_with_it_is_certified(
     robot: Baxter, manipulator: Manipulator, table: Body, yaw: float

@@ -122,6 +122,7 @@ def test_a_manipulator_refuses_an_arm_without_fingers(robot: Baxter) -> None:
         Manipulator.of(robot, "left")
 
 
+@pytest.mark.slow
 def test_the_other_arm_keeps_clear_of_it_and_verification_counts_it() -> None:
     """A long rod on the left hand reaches over the place where the right hand picks."""
     rod = Body("rod", (Part(Box((0.02, 0.02, 0.3)), at(0.0, 0.0, 0.15)),), at(0.0, 0.0, 0.0))

@@ -92,6 +92,7 @@ def test_goes_straight_past_what_is_nearer_than_the_margin() -> None:
     assert is_straight(plan(grazing, margin_m=0.05))
 
 
+@pytest.mark.slow
 @needs_ompl
 @given(seeds)
 @settings(max_examples=3)
@@ -107,6 +108,7 @@ def test_goes_around_what_is_in_the_way_inside_the_limits_from_rest_to_rest(seed
     assert least_distance(AROUND_DISC, qs) > -1e-6
 
 
+@pytest.mark.slow
 @needs_ompl
 def test_the_same_numbers_make_the_same_motion() -> None:
     first, second = (plan() for _ in range(2))
@@ -115,6 +117,7 @@ def test_the_same_numbers_make_the_same_motion() -> None:
     assert np.array_equal(first.knots_s, second.knots_s)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=3)
 def test_returns_no_motion_that_the_judge_did_not_accept(seed: int) -> None:
@@ -210,6 +213,7 @@ def room(manipulator: Manipulator, scene: Scene) -> Room:
     return Room.of(manipulator, scene.with_body(wall()))
 
 
+@pytest.mark.slow
 def test_a_wall_on_the_table_is_passed_and_that_is_proven(room: Room) -> None:
     start, goal = room.beside(0.2), room.beside(-0.2)
 

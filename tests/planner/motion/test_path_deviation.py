@@ -50,6 +50,7 @@ def deviation_m(
     return float(np.linalg.norm(near - hand, axis=2).max(axis=1).min())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [np.zeros((1, 3)), HAND, BAR], ids=["tip", "hand", "bar"])
 @pytest.mark.parametrize("wide_rad", [0.0, 0.003, 0.06])
 def test_no_hand_in_a_box_deviates_by_more(

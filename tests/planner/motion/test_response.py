@@ -145,6 +145,7 @@ def test_finds_the_lags_of_an_arm(there_and_back: Trajectory) -> None:
     assert found.lead_s == 0.0
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(st.integers(0, 2**32 - 1))
 def test_the_tube_holds_what_was_measured(there_and_back: Trajectory, seed: int) -> None:
@@ -175,6 +176,7 @@ def test_a_gap_in_the_recording_changes_nothing_but_what_is_recorded(
     assert float(found.settled_error_rad.max()) < 2.0 * offset
 
 
+@pytest.mark.slow
 def test_a_lag_that_changes_makes_a_wider_interval(there_and_back: Trajectory) -> None:
     t, u, _ = recorded(joined([there_and_back] * 3), TRUE_S)
     y, q = np.array(u[0]), []
@@ -221,6 +223,7 @@ def test_refuses_recordings_that_do_not_determine_a_lag(there_and_back: Trajecto
             fit_response(times, sent, measured)
 
 
+@pytest.mark.slow
 def test_a_joint_that_stands_still_most_of_the_time_tells_its_lag_where_it_moves(
     there_and_back: Trajectory,
 ) -> None:
@@ -245,6 +248,7 @@ def test_a_refusal_never_states_a_number_that_its_limit_allows(
     assert stated < limit == MIN_TRAVEL_RAD
 
 
+@pytest.mark.slow
 def test_tells_a_lag_from_an_offset_where_an_arm_goes_there_and_back(
     there_and_back: Trajectory,
 ) -> None:

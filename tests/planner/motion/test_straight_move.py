@@ -68,6 +68,7 @@ def assert_inside(motion: Trajectory) -> None:
     assert (high <= limits.q_max + POSITION_TOLERANCE_RAD).all()
 
 
+@pytest.mark.slow
 @few
 @given(seeds, st.sampled_from([1.0, 0.3, 0.02]))
 def test_any_motion_is_on_its_line_inside_the_limits_from_rest_to_rest(
@@ -387,6 +388,7 @@ def test_a_joint_that_hardly_moves_makes_it_slow_and_is_no_reason_to_refuse(
     assert off_m <= STRAIGHT_M
 
 
+@pytest.mark.slow
 @few
 @given(seeds, st.floats(-5.6, -1.0), st.floats(-5.0, -1.0))
 def test_any_tolerance_is_kept(left: Arm, seed: int, metres: float, rad: float) -> None:

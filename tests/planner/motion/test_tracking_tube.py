@@ -282,6 +282,7 @@ def test_the_right_lead_leaves_a_deviation_of_second_order(move: Trajectory) -> 
     assert offs[0.4] < 0.1 * offs[0.0]
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(responses, st.integers(0, 2**32 - 1))
 def test_whoever_is_settled_is_in_a_box_of_the_next_start(

@@ -52,6 +52,7 @@ def unled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(free_move, "led_around", lambda *_, **__: [])
 
 
+@pytest.mark.slow
 def test_the_demo_needs_none_even_to_pass_a_wall() -> None:
     obstacle = "--obstacle", "0.72", "0.075", "-0.055", "0.3", "0.02", "0.2"
     command = sys.executable, "-c", WITHOUT, "baxter_kin.demo", "--headless", "--cycles", "1"

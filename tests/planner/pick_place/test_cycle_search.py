@@ -50,6 +50,7 @@ def test_over_a_wall(plan: Plan, manipulator: Manipulator, walled: Scene) -> Non
         np.testing.assert_allclose(T_end.translation, above.translation, atol=REACHED_M)
 
 
+@pytest.mark.slow
 def test_a_wall_before_the_pick_is_passed_too(manipulator: Manipulator, scene: Scene) -> None:
     q_start = manipulator.ik.solve(overhead(0.72, -0.2, -0.05)).q
     wall = box("wall", (0.3, 0.02, 0.2), 0.72, 0.03, -0.055)
@@ -91,6 +92,7 @@ def test_a_plate_in_the_way_is_found_however_thin(
     assert "plate" in str(failed)
 
 
+@pytest.mark.slow
 def test_where_all_cycles_collide_on_a_line_one_is_led_around(
     manipulator: Manipulator, table: Body
 ) -> None:
@@ -107,6 +109,7 @@ def test_where_all_cycles_collide_on_a_line_one_is_led_around(
     assert verify(plan).is_valid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_m", [-0.007, 0.003])
 def test_a_held_block_keeps_clear_of_a_post_below_its_shortest_way(
     plan: Plan, manipulator: Manipulator, scene: Scene, gap_m: float

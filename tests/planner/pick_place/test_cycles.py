@@ -129,6 +129,7 @@ def led(
     return program_of(manipulator).around(cycle, walled)
 
 
+@pytest.mark.slow
 def test_what_is_led_around_a_wall_is_proven_clear_of_it(
     cycle: Cycle, led: list[Cycle], walled: Mapping[str, CollisionContext]
 ) -> None:

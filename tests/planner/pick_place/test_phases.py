@@ -66,6 +66,7 @@ def test_a_narrower_hand_refuses_the_block_with_both_widths(
     assert plan.failure.reason == reason
 
 
+@pytest.mark.slow
 def test_a_block_that_fits_between_half_round_tips_is_carried(table: Body) -> None:
     """Its corners reach beside the tips, 53.2 mm apart along the closing axis."""
     robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
@@ -208,6 +209,7 @@ def test_a_measured_table_may_be_off_level_by_a_degree(
             maker.refuse_impossible()
 
 
+@pytest.mark.slow
 def test_a_block_is_put_into_a_bin_that_is_one_mesh(manipulator: Manipulator, scene: Scene) -> None:
     """A floor, and one triangle that rises by 1 mm at its far edge, 0.4 m away."""
     corners = [[-0.1, -0.4, 0], [0.1, -0.4, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0], [0.1, -0.1, 0.001]]

@@ -41,6 +41,7 @@ def context(manipulator: Manipulator, scene: Scene) -> CollisionContext:
     return manipulator.context(scene)
 
 
+@pytest.mark.slow
 def test_the_start_move_goes_around_a_wall(manipulator: Manipulator, scene: Scene) -> None:
     wall = box("wall", (0.3, 0.02, 0.2), 0.72, 0.0, -0.055)
     one, other = (manipulator.ik.solve(overhead(0.7, y, -0.08)).q for y in (-0.15, 0.15))

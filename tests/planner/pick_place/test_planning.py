@@ -170,6 +170,7 @@ def test_the_same_task_gives_the_same_plan(
         assert first.trajectory.knots_s.tolist() == second.trajectory.knots_s.tolist()
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(st.floats(0.62, 0.80), st.floats(-0.05, 0.25), st.floats(0.05, 0.20))
 def test_neighbouring_tasks_have_plans_too(
@@ -208,6 +209,7 @@ def test_half_the_speed_keeps_half_the_velocity_limits(robot: Baxter, scene: Sce
 class TestLineTolerance:
     """How far the tip may be off its lines is the user's to say."""
 
+    @pytest.mark.slow
     def test_a_wider_one_makes_a_faster_cycle_that_is_judged_by_it(
         self, plan: Plan, manipulator: Manipulator, scene: Scene, tmp_path: Path
     ) -> None:
@@ -224,6 +226,7 @@ class TestLineTolerance:
         strict = verify(evolve(loose, line_tolerance=LineTolerance()))
         assert not strict["distance from line"].is_passed
 
+    @pytest.mark.slow
     def test_a_tight_one_is_kept_and_proven(
         self, plan: Plan, manipulator: Manipulator, scene: Scene
     ) -> None:

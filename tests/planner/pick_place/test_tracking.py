@@ -108,6 +108,7 @@ def test_a_lag_of_0_4_s_passes_at_speed_0_3(slow: TrackingProof, tracked_plan: P
     assert str(slow).startswith("every path that the joints may take is clear\n  pick: approach: ")
 
 
+@pytest.mark.slow
 def test_a_refusal_at_full_speed_states_a_speed_that_passes(
     full: TrackingProof, tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
@@ -120,6 +121,7 @@ def test_a_refusal_at_full_speed_states_a_speed_that_passes(
     assert prove_tracking(tracked_plan, FULL.at_speed(speed), manipulator=manipulator).is_valid
 
 
+@pytest.mark.slow
 def test_a_failure_names_the_body_that_may_be_hit(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
@@ -168,6 +170,7 @@ def test_intended_contacts_are_excluded_with_an_allowance(slow: TrackingProof) -
     assert all(move.allowance_m <= slow.most_off_m for move in slow.moves)
 
 
+@pytest.mark.slow
 def test_a_smaller_allowance_is_refused(tracked_plan: Plan, manipulator: Manipulator) -> None:
     proof = prove_tracking(tracked_plan, SLOW, most_off_m=0.01, manipulator=manipulator)
     assert "at most 10.0 mm are allowed" in str(proof.failure)
@@ -175,6 +178,7 @@ def test_a_smaller_allowance_is_refused(tracked_plan: Plan, manipulator: Manipul
     assert proof.greatest_speed < SLOW.speed
 
 
+@pytest.mark.slow
 def test_a_margin_is_kept_or_refused(
     slow: TrackingProof, tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
@@ -264,6 +268,7 @@ def test_a_failed_plan_is_not_proven_and_one_without_steps_is(
     assert proof.clearance_m == np.inf
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_response_says_the_speed_at_which_it_is_proven(
     manipulator: Manipulator, scene: Scene, tracked_plan: Plan, tmp_path: Path
 ) -> None:
@@ -287,6 +292,7 @@ def test_a_plan_for_a_response_says_the_speed_at_which_it_is_proven(
     assert again.settled_error_rad.tolist() == plan.response.settled_error_rad.tolist()
 
 
+@pytest.mark.slow
 def test_there_is_no_plan_for_a_response_that_no_speed_suits(
     manipulator: Manipulator, tracked_plan: Plan
 ) -> None:

@@ -58,6 +58,7 @@ def met_m(kernel: Kernel, timeline: Timeline, step: Step, q: np.ndarray[Any, Any
     return sought(kernel, timeline, step, still, share=0.999).nearest.distance_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wide_rad", [0.0, 0.003, 0.01])
 def test_the_checker_concludes_what_was_found(
     own_kernel: Kernel, timeline: Timeline, step: Step, wide_rad: float

@@ -94,6 +94,7 @@ def test_distances_are_coals_and_contacts_are_refused(
     assert certified_m(own, clusters, step, Advice(found.trace)) >= found.proven_m
 
 
+@pytest.mark.slow
 def test_without_a_compiler_numpy_finds_rows_that_certify_as_much(
     tracked_plan: Plan, robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,6 +147,7 @@ def test_large_bodies_near_each_other_are_separated(own: Robot, own_kernel: Kern
     assert len(found.trace.fine) == 1
 
 
+@pytest.mark.slow
 def test_threads_find_the_same(
     own: Robot, own_kernel: Kernel, tracked_plan: Plan, robot: Baxter
 ) -> None:

@@ -184,6 +184,7 @@ def sampled(body: Body, triangles: FloatArray, grown_m: float) -> Sampled:
     return Sampled(highest, hull.exterior.distance(centre) if not beside_m else -beside_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLACES)
 def test_a_block_is_carried_where_points_of_its_underside_meet_the_mesh(name: str) -> None:
     rng = np.random.default_rng(list(PLACES).index(name))
@@ -326,6 +327,7 @@ def test_a_plank_on_two_posts_of_unequal_height_lies_across_both() -> None:
     assert landing.tilt_rad == pytest.approx(math.atan(0.001 / 0.16), rel=0.15)
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_on_uneven_ground_a_block_touches_around_its_centre_and_is_nowhere_inside(
     seed: int,

@@ -26,6 +26,7 @@ def check(value: float, relation: Relation, bound: float) -> Check:
     return Check("velocity limit", value, relation, bound, "rad/s", "pick: approach")
 
 
+@pytest.mark.slow
 def test_the_page_explains_every_check(cube_plan: Plan) -> None:
     stated = complete(cube_plan)
     tracked = verify(stated, response=Response((0.0, 0.0), late_s=0.0))
@@ -55,6 +56,7 @@ def test_a_certificate_is_of_its_own_plan_and_world_alone(
     assert not cube_certificate.is_of(cube_plan, turned)
 
 
+@pytest.mark.slow
 def test_a_certificate_for_another_arm_than_the_plan_is_sent_to_is_of_no_plan(
     cube_plan: Plan,
 ) -> None:

@@ -167,6 +167,7 @@ def test_wrong_usage_exits_with_2_and_one_sentence(
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program(good: str) -> None:
     runs = [
         subprocess.run(

@@ -85,6 +85,7 @@ def test_a_plan_that_stops_at_every_waypoint_is_certified(stopping: Plan) -> Non
     assert found.is_valid, found.verdict
 
 
+@pytest.mark.slow
 def test_the_right_arm_is_certified_too(robot: Baxter, table: Body) -> None:
     right = Manipulator.of(robot, "right")
     part = Part(Box((0.04, 0.04, 0.05)), at(0.0, 0.0, 0.025))
@@ -215,6 +216,7 @@ def pushed_into_a_neighbour(plan: Plan) -> Plan:
     return with_body(beside)(moved("block", 0.70, 0.146, TABLE_M)(plan))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -230,12 +232,14 @@ def test_fingers_may_not_touch_bodies_that_they_do_not_close_on(
     refused(change(cube_plan), reason)
 
 
+@pytest.mark.slow
 def test_fingers_that_open_half_way_stay_clear_of_the_post(cube_plan: Plan) -> None:
     found = verify(stepping("place: open", opening_m=0.006)(post(0.765, 0.0226)(cube_plan)))
     assert found.is_valid, found.verdict
     assert found["clearance of fingers"].value < 0.01
 
 
+@pytest.mark.slow
 def test_a_body_that_the_fingers_push_is_certified(plan: Plan, cube_plan: Plan) -> None:
     for aside in (
         moved("block", 0.675, 0.128, -0.155)(plan),
@@ -297,6 +301,7 @@ def without(label: str) -> Change:
 TURN = pin.SE3(pin.exp3(np.array([0.0, 0.0, 4e-6])), np.zeros(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason", "row"),
     [
@@ -333,6 +338,7 @@ def closing_in_motion(plan: Plan, manipulator: Manipulator) -> Plan:
     return with_moves(plan, moves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason", "row"),
     [

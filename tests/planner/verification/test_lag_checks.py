@@ -15,6 +15,7 @@ def slow(tracked_plan: Plan) -> Certificate:
     return verify(tracked_plan, response=Response((0.35, 0.45), 0.001, 0.3))
 
 
+@pytest.mark.slow
 def test_a_lag_of_0_4_s_passes_at_speed_0_3(slow: Certificate) -> None:
     assert slow.is_valid
     assert [check.name for check in slow.checks[-3:]] == list(NAMES)
@@ -22,6 +23,7 @@ def test_a_lag_of_0_4_s_passes_at_speed_0_3(slow: Certificate) -> None:
     assert "last rested" in slow[NAMES[0]].where
 
 
+@pytest.mark.slow
 def test_it_is_refused_at_full_speed(tracked_plan: Plan) -> None:
     found = verify(tracked_plan, response=Response((0.35, 0.45), 0.001, 1.0))
     assert [check.name for check in found.failures] == ["tracking: tip off its path"]

@@ -108,6 +108,7 @@ def moving(found: MotionCertificate) -> float:
     return dict(found.certified.clearances_m)["motion"]
 
 
+@pytest.mark.slow
 def test_no_instant_of_a_certified_motion_is_nearer_by_coal(
     motions: list[PolynomialMotion], manipulator: Manipulator, before_wall: State
 ) -> None:
@@ -152,6 +153,7 @@ def split(motion: PolynomialMotion) -> PolynomialMotion:
     return PolynomialMotion(np.array(knots), np.array(rows), is_timed=motion.is_timed)
 
 
+@pytest.mark.slow
 def test_another_representation_of_a_motion_is_judged_the_same(
     motions: list[PolynomialMotion], over: Array, before_wall: State
 ) -> None:
@@ -169,6 +171,7 @@ def test_another_representation_of_a_motion_is_judged_the_same(
         assert "wall" in found.pair
 
 
+@pytest.mark.slow
 def test_a_move_of_a_plan_keeps_what_its_plan_says(tracked_plan: Plan, robot: Baxter) -> None:
     """Asked for the same share of the distance; a plan's certificate asks for what it states."""
     document, text = plan_document(tracked_plan), robot.description.text

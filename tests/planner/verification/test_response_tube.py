@@ -35,6 +35,7 @@ def tube_of(
     return response_tube([Move("move", move)], response, start, SETTLED_RAD)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("response", RESPONSES, ids=str)
 def test_no_arm_leaves_it(move: Trajectory, response: Response) -> None:
     rng, step_s = np.random.default_rng(7), 1e-3

@@ -107,6 +107,7 @@ def drawn_in(content: dict[str, Any]) -> set[str]:
     return {command["path"] for command in content["commands"] if command["type"] == "set_object"}
 
 
+@pytest.mark.slow
 def test_the_final_scene_stays_in_the_page_where_it_can_be_played_again(
     watched: Watched, tmp_path: Path
 ) -> None:
@@ -131,6 +132,7 @@ def test_the_final_scene_stays_in_the_page_where_it_can_be_played_again(
     watched.page.wait_for_function("element('caption').textContent.includes('pick: ')")
 
 
+@pytest.mark.slow
 def test_a_failure_is_shown_in_the_page() -> None:
     with demo("--add-pose", "1.5", "0", "-0.129", "--cycles", "2", *SLOWLY) as (process, page):
         status, complained = ended(process, page)
@@ -141,6 +143,7 @@ def test_a_failure_is_shown_in_the_page() -> None:
     assert page.told["caption"] == last
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_a_pause_leaves_the_scene_in_the_page() -> None:
     with demo("--forever", *SLOWLY) as (process, page):
         page.wait_until(_has_grasped)
@@ -154,6 +157,7 @@ def test_ctrl_c_during_a_pause_leaves_the_scene_in_the_page() -> None:
     assert content["captions"][-1][1] == "stopped"
 
 
+@pytest.mark.slow
 def test_ctrl_c_works_while_it_waits_for_a_page() -> None:
     line = ["-m", "baxter_kin.demo", "--no-browser", "--wait", "600"]
     with subprocess.Popen(

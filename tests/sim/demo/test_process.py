@@ -54,6 +54,7 @@ def read_until(process: subprocess.Popen[str], word: str) -> None:
     raise AssertionError(f"the program ended without saying {word!r}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", ["move to start", "grasped"])
 def test_ctrl_c_while_it_works_is_status_130_and_removes_the_scene(
     forever: subprocess.Popen[str], tmp_path: Path, phase: str
@@ -76,6 +77,7 @@ def test_ctrl_c_while_it_works_is_status_130_and_removes_the_scene(
         assert (tmp_path / "replay.html").read_text().rstrip().endswith("</html>")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", ["numpy", "casadi", "coal"])
 def test_ctrl_c_while_it_loads_is_status_130(forever: subprocess.Popen[str], library: str) -> None:
     mapped, give_up_s = Path(f"/proc/{forever.pid}/maps"), time.monotonic() + DEADLINE_S
@@ -87,6 +89,7 @@ def test_ctrl_c_while_it_loads_is_status_130(forever: subprocess.Popen[str], lib
     assert "Traceback" not in complained
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
     """The live view lives in the program's own process, so it cannot outlive it."""
@@ -101,6 +104,7 @@ def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
     assert process.returncode == -number
 
 
+@pytest.mark.slow
 def test_being_killed_leaves_the_recording_up_to_then(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     command = [*DEMO, "--headless", "--forever", *SLOWLY, "--record", str(path)]
@@ -113,6 +117,7 @@ def test_being_killed_leaves_the_recording_up_to_then(tmp_path: Path) -> None:
     assert any(event.kind is EventKind.RELEASED for event in found.events)
 
 
+@pytest.mark.slow
 def test_reader_of_a_pipe_may_leave_early() -> None:
     with subprocess.Popen(
         [*DEMO, "--headless", *SLOWLY, "--cycles", "20"],

@@ -154,6 +154,7 @@ def test_speed_scales_the_velocity_limits_and_with_them_the_bound(
         assert found["cycles"][0]["transfer_bound_s"] == pytest.approx(expected_s, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("z", "has_bound"), [("-0.14", True), ("5", False)])
 def test_a_failed_plan_has_no_transfer_and_its_bound_only_where_poses_are_reachable(
     tmp_path: Path, z: str, *, has_bound: bool
@@ -165,6 +166,7 @@ def test_a_failed_plan_has_no_transfer_and_its_bound_only_where_poses_are_reacha
     assert (last["transfer_bound_s"] is not None) is has_bound
 
 
+@pytest.mark.slow
 def test_a_place_that_is_the_pick_has_a_bound_of_0_and_no_ratio(tmp_path: Path) -> None:
     again = ["--add-pose", "0.75", "0", "-0.129", "--cycles", "2"]
     stay = report_of(tmp_path, *again, *SLOWLY)["cycles"][1]
@@ -182,6 +184,7 @@ def test_events_are_complete_and_in_order(report: dict[str, Any]) -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.slow
 def test_three_poses_are_visited_in_turn_without_a_drift(tmp_path: Path) -> None:
     third = ["--add-pose", "0.72", "0.075", "-0.129", "--cycles", "6"]
     report = report_of(tmp_path, *third, *SLOWLY)
@@ -203,6 +206,7 @@ def test_hover_is_how_far_the_cycle_ends_above_the_place(
     assert low["success"]
 
 
+@pytest.mark.slow
 def test_obstacles_are_gone_around_and_the_plan_is_saved(tmp_path: Path) -> None:
     wall, file = ["0.72", "0.075", "-0.055", "0.3", "0.02", "0.2"], tmp_path / "plan.json"
     options = ["--obstacle", *wall, "--cycles", "1", "--plan", str(file), "--margin", "0.001"]
@@ -242,6 +246,7 @@ def test_without_retries_a_miss_ends_the_demo(tmp_path: Path) -> None:
     assert "block was not placed in one attempt; the last: pick: close: missed" in report["failure"]
 
 
+@pytest.mark.slow
 def test_exact_poses_are_as_good_as_the_true_ones(tmp_path: Path) -> None:
     report = report_of(tmp_path, "--retries", "0", "--cycles", "2", *SLOWLY)
     assert report["success"]
@@ -305,6 +310,7 @@ def test_what_was_done_before_a_failure_is_kept_and_the_failed_waypoint_comes_la
     assert capsys.readouterr().out == ""  # it is quiet
 
 
+@pytest.mark.slow
 def test_limits_of_torque_control_are_faster_and_their_plan_verifies(
     tmp_path: Path, robot: Baxter, report: dict[str, Any]
 ) -> None:

@@ -112,6 +112,7 @@ def bench(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> 
     return Bench(robot, manipulator, table, block)
 
 
+@pytest.mark.slow
 def test_with_exact_source_the_first_attempt_succeeds(bench: Bench) -> None:
     result = bench.run()
     assert result.is_success
@@ -244,6 +245,7 @@ def test_noise_costs_attempts_but_not_the_block(bench: Bench, seed: int) -> None
     assert bench.off_m <= 0.015
 
 
+@pytest.mark.slow
 def test_the_same_noise_gives_the_same_run(
     robot: Baxter, manipulator: Manipulator, table: Body, block: Body
 ) -> None:

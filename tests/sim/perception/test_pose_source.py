@@ -52,6 +52,7 @@ class TestTruth:
 
 
 class TestNoise:
+    @pytest.mark.slow
     def test_errors_have_the_requested_spread(self, world: World) -> None:
         true = world.body("block")
         noise = Noise(position_m=0.003, yaw_rad=0.05)

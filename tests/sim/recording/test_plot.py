@@ -89,6 +89,7 @@ def test_the_legend_says_where_the_motion_is_from(figure: Any, picked: Recording
     ]
 
 
+@pytest.mark.slow
 def test_both_arms_are_drawn_when_none_moved_and_one_that_only_trembles_stands_still(
     picked: Recording, left: Arm
 ) -> None:
@@ -117,6 +118,7 @@ def test_wrong_arguments_are_refused(picked: Recording, left: Arm) -> None:
             plot_recording(picked, bad)
 
 
+@pytest.mark.slow
 def test_one_snapshot_can_be_drawn_and_no_window_opens(picked: Recording) -> None:
     one = Recording(
         picked.joint_names,

@@ -115,6 +115,7 @@ def test_the_block_ends_where_the_simulation_puts_it(
     assert EventKind.HIT not in both.witness.kinds
 
 
+@pytest.mark.slow
 def test_a_real_lag_at_the_usual_speed_troubles_nobody(
     robot: Baxter,
     demo_plan: Plan,  # noqa: F811
@@ -128,6 +129,7 @@ def test_a_real_lag_at_the_usual_speed_troubles_nobody(
     assert all(is_meant(event) for event in both.witness.events if event.kind is EventKind.HIT)
 
 
+@pytest.mark.slow
 def test_a_lag_that_is_known_is_refused_or_stopped_by_the_guard_before_anything_is_hit(
     robot: Baxter,
     demo_plan: Plan,  # noqa: F811
@@ -157,6 +159,7 @@ def test_a_lag_that_is_known_is_refused_or_stopped_by_the_guard_before_anything_
     assert EventKind.HIT not in both.witness.kinds
 
 
+@pytest.mark.slow
 def test_a_lead_that_fits_the_lag_keeps_the_arm_on_its_path(
     robot: Baxter,
     demo_plan: Plan,  # noqa: F811

@@ -189,6 +189,7 @@ def test_a_response_that_is_none_is_wrong_usage(
     assert str(response) in ended.printed
 
 
+@pytest.mark.slow
 def test_a_condition_that_does_not_hold_is_told_once(
     robot_process: tuple[Command, str], plan_file: Path, run: Run
 ) -> None:
@@ -263,6 +264,7 @@ def test_without_a_yes_it_does_not_move(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status", "text"),
     [(signal.SIGINT, 130, "stopped by Ctrl-C"), (signal.SIGTERM, 143, "stopped by SIGTERM")],
@@ -284,6 +286,7 @@ def test_a_signal_leaves_the_arm_holding_and_nothing_registered(
         assert abs(heard[0].position - heard[-1].position).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_killed_is_told_of_within_seconds(
     moving: tuple[Command, Command, str], tmp_path: Path
 ) -> None:
@@ -296,6 +299,7 @@ def test_a_robot_that_is_killed_is_told_of_within_seconds(
     assert read_recording(tmp_path / "kept.mcap").recording.samples
 
 
+@pytest.mark.slow
 def test_an_execution_that_is_killed_is_told_of_by_the_robot_and_kept(
     moving: tuple[Command, Command, str], tmp_path: Path
 ) -> None:
@@ -305,6 +309,7 @@ def test_an_execution_that_is_killed_is_told_of_by_the_robot_and_kept(
     assert read_recording(tmp_path / "kept.mcap").recording.samples
 
 
+@pytest.mark.slow
 def test_a_second_execution_is_refused_and_the_first_goes_on(
     moving: tuple[Command, Command, str], plan_file: Path, tmp_path: Path
 ) -> None:
@@ -315,6 +320,7 @@ def test_a_second_execution_is_refused_and_the_first_goes_on(
     assert first.process.poll() is None, first.said
 
 
+@pytest.mark.slow
 def test_the_robot_ends_without_noise(robot_process: tuple[Command, str]) -> None:
     robot, _ = robot_process
     robot.process.send_signal(signal.SIGTERM)
@@ -329,6 +335,7 @@ def test_the_mirror_records_what_it_sees(shared_uri: str, tmp_path: Path, run: R
     assert 30 <= len(csv.read_text().splitlines()) <= 55
 
 
+@pytest.mark.slow
 def test_the_mirror_is_served_where_it_is_asked_to_be(shared_uri: str, run: Run) -> None:
     port = free_port()
     options = "--no-browser", "--port", port, "--duration-s", "1"

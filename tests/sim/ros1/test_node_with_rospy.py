@@ -218,6 +218,7 @@ def test_a_publisher_that_is_killed_is_sought_and_found_when_it_is_back(
         until(lambda: not subscriber.writers)
 
 
+@pytest.mark.slow
 def test_debians_master_that_is_restarted_learns_of_us_again(
     debian_master: DebianMaster,
     classes: Path,

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from sim.ros1.definitions import service_type
 from sim.ros1.node import Node, Publisher
 from sim.ros1_messages import Message
@@ -63,6 +65,7 @@ def publishing(publisher: Publisher, rate_hz: float) -> Iterator[None]:
         thread.join()
 
 
+@pytest.mark.slow
 def test_rostopic_sees_what_we_publish(master_uri: str, classes: Path, make_node: MakeNode) -> None:
     publisher = make_node("/ours", master_uri).advertise("/robot/state", STATE)
     with publishing(publisher, 100.0):
@@ -101,6 +104,7 @@ def test_rostopic_publishes_what_we_read(
     assert [each.message.data for each in received] == [True]
 
 
+@pytest.mark.slow
 def test_rosservice_finds_and_calls_our_service(
     master_uri: str, classes: Path, make_node: MakeNode
 ) -> None:

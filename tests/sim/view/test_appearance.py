@@ -47,6 +47,7 @@ def bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
+@pytest.mark.slow
 def test_fills_the_same_space_as_the_original_meshes(
     appearance: Appearance, visuals: list[pin.GeometryObject], robot: Baxter
 ) -> None:

@@ -123,6 +123,7 @@ def test_samples_are_regular_and_not_too_many(duration_s: float) -> None:
         assert np.diff(times[rows]).max() <= 1.0 / SAMPLES_PER_S + 0.01
 
 
+@pytest.mark.slow
 def test_a_recording_may_lack_bodies_events_and_moves(shown: Recording, robot: Baxter) -> None:
     links = RobotBody.load().links
     for sample in samples_of(evolve(shown, bodies={}, body_poses={}, events=()), robot):

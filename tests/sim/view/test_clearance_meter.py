@@ -137,6 +137,7 @@ def test_points_are_as_far_apart_as_the_distance_and_on_the_links_skin(
     assert positive > 10
 
 
+@pytest.mark.slow
 def test_no_link_is_nearer_to_a_body_by_other_code(
     meter: ClearanceMeter,
     shapes: RobotShapes,

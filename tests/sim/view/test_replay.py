@@ -79,6 +79,7 @@ def seek(page: Watched, time_s: float) -> None:
     page.run("time => replay.seek(time)", time_s)
 
 
+@pytest.mark.slow
 def test_shows_the_robot_and_asks_nobody_for_anything(watching: Watched, replay_file: Path) -> None:
     assert red_pixels(watching.picture()) > 5000
     assert watching.page.locator("#layer-body").count() == 0  # nor for the collision body
@@ -304,6 +305,7 @@ def test_replaces_an_older_file_and_leaves_nothing_else_behind(
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_a_path_that_cannot_be_written_is_refused_and_kept(
     tmp_path: Path, robot: Baxter, moment: Recording
 ) -> None:

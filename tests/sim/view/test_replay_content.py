@@ -66,6 +66,7 @@ def compared(page_file: Path) -> dict[str, Any]:
     return decoded(data_of(page_file.read_text("utf-8")))
 
 
+@pytest.mark.slow
 def test_layers_arms_and_grippers_are_those_that_there_are(content: dict[str, Any]) -> None:
     assert {name: layer["shown"] for name, layer in layers_of(content).items()} == {
         "robot": True,
@@ -103,6 +104,7 @@ def test_what_does_not_move_has_no_clearance_and_without_moves_no_goals(
     assert {"goals", "nearest"}.isdisjoint(layers_of(content))
 
 
+@pytest.mark.slow
 def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
     executed: Recording, robot: Baxter
 ) -> None:
@@ -112,6 +114,7 @@ def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
     assert any(command["path"] == "/bodies/block/0" for command in content["commands"])
 
 
+@pytest.mark.slow
 def test_a_tool_has_no_gripper_badge(robot: Baxter, executed: Recording) -> None:
     with_pen = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
     q = executed.q[:, list(robot.indices(with_pen.joint_names))]
@@ -122,6 +125,7 @@ def test_a_tool_has_no_gripper_badge(robot: Baxter, executed: Recording) -> None
     assert content["sides"] == ["left"]
 
 
+@pytest.mark.slow
 def test_a_page_lasts_as_long_as_the_longer_recording(
     compared: dict[str, Any], slower: Recording, executed: Recording, robot: Baxter
 ) -> None:
@@ -155,6 +159,7 @@ def test_a_page_with_everything_is_small_enough_and_a_ghost_costs_few_bytes(
     assert plain < both < plain + 150_000
 
 
+@pytest.mark.slow
 def test_a_plan_is_shown_without_a_robot_or_a_simulation(plan: Plan) -> None:
     content = decoded(data_of(Replay(plan).html))
     assert content["duration"] == pytest.approx(plan.motion_time_s, abs=0.3)
@@ -162,6 +167,7 @@ def test_a_plan_is_shown_without_a_robot_or_a_simulation(plan: Plan) -> None:
     assert len(content["waypoints"]) == len(plan.moves)
 
 
+@pytest.mark.slow
 def test_a_recording_needs_no_robot_if_it_is_of_the_stock_one(
     executed: Recording, story_file: Path
 ) -> None:

@@ -99,6 +99,7 @@ def test_it_is_short() -> None:
     assert len(lines) <= LONGEST
 
 
+@pytest.mark.slow
 def test_it_is_watched_live_and_ends_as_a_replay(
     cell: Callable[[str], Future[dict[str, str]]], watched: Watched
 ) -> None:

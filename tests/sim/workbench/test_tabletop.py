@@ -34,6 +34,7 @@ def test_an_obstacle_stands_on_the_table_and_stays_there(bench: Workbench) -> No
         bench.carry("wall", to=(0.70, 0.0))
 
 
+@pytest.mark.slow
 def test_a_block_is_carried_around_an_obstacle(bench: Workbench) -> None:
     bench.add_obstacle("wall", 0.70, -0.15, size_m=WALL)
     task = bench.carry("red", to=(0.80, 0.0), arm="right")
@@ -56,6 +57,7 @@ def test_an_obstacle_is_not_put_where_a_block_stands(bench: Workbench) -> None:
         bench.add_obstacle("wall", 0.65, -0.30, size_m=WALL)
 
 
+@pytest.mark.slow
 def test_a_box_and_a_cylinder_stand_on_the_table_and_are_carried(robot: Baxter) -> None:
     bench = Workbench(robot)
     bench.add_box("book", 0.65, 0.20, size_m=(0.15, 0.04, 0.10), yaw_rad=0.3, colour="blue")
@@ -120,6 +122,7 @@ def test_other_units_are_questioned(bench: Workbench, block: dict[str, Any], hin
         bench.add_block("blue", **({"x_m": 0.7, "y_m": 0.0} | block))
 
 
+@pytest.mark.slow
 def test_a_mug_is_carried_by_its_handle(robot: Baxter) -> None:
     """The cup is 10 cm wide, which no hand holds; the handle 18 mm."""
     bench = Workbench(robot)
@@ -132,6 +135,7 @@ def test_a_mug_is_carried_by_its_handle(robot: Baxter) -> None:
     assert task.off_m < 1e-4
 
 
+@pytest.mark.slow
 def test_a_block_between_others_is_grasped_where_there_is_room(robot: Baxter) -> None:
     """Its narrow side is closed in by neighbours, where it stands or where it goes."""
     for y_m in (0.10, -0.05):

@@ -71,6 +71,7 @@ def test_a_block_goes_where_it_is_sent(carried: tuple[Workbench, TaskResult]) ->
     assert bench.replay().html.startswith("<!DOCTYPE html>")
 
 
+@pytest.mark.slow
 def test_the_faster_arm_does_it_unless_one_is_named(robot: Baxter) -> None:
     for arm, done_by in ((None, "right"), ("left", "left")):
         bench = Workbench(robot)
@@ -78,6 +79,7 @@ def test_the_faster_arm_does_it_unless_one_is_named(robot: Baxter) -> None:
         assert bench.carry("red", to=(0.70, -0.20), arm=arm).arm == done_by
 
 
+@pytest.mark.slow
 def test_a_block_stands_on_the_middle_of_another_turned_as_that_is(bench: Workbench) -> None:
     bench.add_block("blue", 0.70, -0.05, edge_m=0.04, yaw_rad=0.3)
     assert bench.carry("red", onto="blue", arm="left").is_done
@@ -90,6 +92,7 @@ def test_a_block_stands_on_the_middle_of_another_turned_as_that_is(bench: Workbe
     )
 
 
+@pytest.mark.slow
 def test_a_block_takes_a_pose(bench: Workbench) -> None:
     goal = on_table(0.72, 0.05, 0.05)
     goal.rotation = pin.utils.rotate("z", math.radians(30.0))
@@ -128,6 +131,7 @@ def test_what_cannot_be_done_is_refused_with_the_reason_and_nothing_moves(
         raise AssertionError(str(task))
 
 
+@pytest.mark.slow
 def test_a_block_below_another_stays_there(bench: Workbench) -> None:
     bench.add_block("blue", 0.70, -0.10)
     assert bench.carry("red", onto="blue").is_done
@@ -251,6 +255,7 @@ def test_an_empty_arm_goes_back(robot: Baxter) -> None:
     assert "it was there already" in str(bench.withdraw("left"))
 
 
+@pytest.mark.slow
 def test_a_plan_that_an_idle_arm_hinders_is_refused_with_the_way_out(bench: Workbench) -> None:
     bench.add_block("blue", 0.70, -0.05)
     plan = bench.plan("right", "blue", on_table(0.75, 0.05, 0.05))
@@ -264,6 +269,7 @@ def test_a_plan_that_an_idle_arm_hinders_is_refused_with_the_way_out(bench: Work
     assert bench.execute(plan)[1]
 
 
+@pytest.mark.slow
 def test_observers_are_notified_and_a_new_bench_can_be_recorded(robot: Baxter) -> None:
     diary = Witness()
     bench = Workbench(robot, observers=[diary])

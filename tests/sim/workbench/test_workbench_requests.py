@@ -34,6 +34,7 @@ def test_places_and_blocks_that_are_mixed_up_are_told_apart(bench: Workbench) ->
         bench.carry("red", onto=onto)
 
 
+@pytest.mark.slow
 def test_a_place_may_be_seen_from_a_frame_of_ones_own(bench: Workbench) -> None:
     stand = NamedFrame("stand", at(0.75, 0.05, TABLE_Z_M))
     for place in (StampedPose(at(0.0, 0.0, 0.025), stand), at(0.70, 0.15, -0.13).homogeneous):
@@ -51,6 +52,7 @@ def test_a_place_in_other_units_is_questioned(bench: Workbench) -> None:
     assert pretty(beside) == str(beside)  # type: ignore[no-untyped-call]  # as a notebook shows it
 
 
+@pytest.mark.slow
 def test_an_idle_arm_that_alone_is_in_the_way_withdraws_first(bench: Workbench) -> None:
     assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
     motion_s = bench.motion_s
@@ -62,6 +64,7 @@ def test_an_idle_arm_that_alone_is_in_the_way_withdraws_first(bench: Workbench) 
     np.testing.assert_allclose(bench.world.arm_q("right"), bench.robot.arm("right").neutral)
 
 
+@pytest.mark.slow
 def test_an_arm_does_not_withdraw_in_vain(bench: Workbench) -> None:
     assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
     bench.add_obstacle("wall", 0.75, 0.25, size_m=(0.05, 0.05, 0.1))
@@ -72,6 +75,7 @@ def test_an_arm_does_not_withdraw_in_vain(bench: Workbench) -> None:
     np.testing.assert_array_equal(bench.world.q, before)
 
 
+@pytest.mark.slow
 def test_an_arm_that_holds_something_does_not_withdraw(bench: Workbench) -> None:
     assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
     bench.add_block("green", 0.60, -0.30, edge_m=0.04)

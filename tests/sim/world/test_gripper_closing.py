@@ -116,6 +116,7 @@ pads; at 3.5 mm and 0.15 rad a corner is more than 0.5 mm inside one."""
 class TestHolding:
     """An off-centre and askew block, on the table."""
 
+    @pytest.mark.slow
     @example(OFF_M, -0.15)
     @example(-OFF_M, 0.15)
     @example(0.0035, 0.140625)  # a finger presses into it by 0.1 mm from the start

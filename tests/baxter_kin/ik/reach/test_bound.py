@@ -206,6 +206,7 @@ def test_no_reachable_pose_is_proved_out_of_reach(
         assert off or bound.proof_of_position(T.translation) is None, q
 
 
+@pytest.mark.slow
 def test_no_pose_that_a_calibrated_arm_reaches_has_a_proof(any_arm: Arm) -> None:
     bound = ReachBound(any_arm)
     qs = _extreme_configurations(any_arm, 400)
@@ -292,6 +293,7 @@ def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
     assert proved > 0
 
 
+@pytest.mark.slow
 def test_excess_never_exceeds_the_distance_to_a_reachable_pose(
     arm: Arm, bound: ReachBound, bound_of_axis: ReachBound
 ) -> None:

@@ -36,6 +36,7 @@ def test_the_slack_holds_where_one_link_is_off(left: Arm, link: int) -> None:
             assert (chords <= near.slack[1] + ROUNDING).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("half_rad", [0.02, 0.2, 1.0])
 def test_no_point_of_a_box_deviates_by_more_than_the_slack(

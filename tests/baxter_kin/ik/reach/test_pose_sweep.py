@@ -36,6 +36,7 @@ def test_targets_near_reachable_ones_are_not_excluded(left: Arm, sweep: PoseSwee
     assert not any(sweep.excludes(T, 0.02) for T in pushed(reached(left, 20, 4), 0.02, 5))
 
 
+@pytest.mark.slow
 def test_a_proof_holds_for_every_smaller_radius_and_with_more_cells(
     sweep: PoseSweep, away: FloatArray
 ) -> None:
@@ -69,6 +70,7 @@ def test_a_roll_that_the_last_joint_cannot_make_is_excluded(left: Arm, sweep: Po
     assert turned == {-1.0: False, 0.0: False, 0.08: True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("passes", [0, 2])
 @pytest.mark.parametrize("kind", ["tilted hand", "0.1", "0.3", "1.0"])
 def test_the_cell_of_a_configuration_survives_however_small(
@@ -102,6 +104,7 @@ def test_the_cell_of_a_configuration_survives_however_small(
     assert (nearer > 0) == (passes > 0)
 
 
+@pytest.mark.slow
 def test_of_a_calibrated_arm_more_is_proven_than_with_the_whole_deviation(
     robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:

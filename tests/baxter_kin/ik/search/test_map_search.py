@@ -49,6 +49,7 @@ def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray
     return best_q, np.array([report[0], *best, iterations, 1.0, starts])
 
 
+@pytest.mark.slow
 def test_it_is_the_search_from_one_setpoint_after_the_other(
     any_arm: Arm, searches: tuple[ca.Function, ca.Function]
 ) -> None:
@@ -78,6 +79,7 @@ def test_when_all_fail_the_nearest_iterate_is_kept(
     assert report[3] == MAP_STARTS * min(PATIENCE)
 
 
+@pytest.mark.slow
 def test_searches_end_where_patience_does(any_arm: Arm) -> None:
     """A search that is slow then ends; any other has the same result as with endless patience."""
     numbers, rng = ArmNumbers.of(any_arm), np.random.default_rng(3)

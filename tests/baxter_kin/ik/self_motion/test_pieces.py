@@ -82,6 +82,7 @@ def test_piece_shorter_than_a_step_is_found(left: Arm, q: list[float]) -> None:
     assert pieces[-1].length_rad < 0.01
 
 
+@pytest.mark.slow
 def test_points_of_a_loop_inside_the_limits_are_on_one_piece(arm: Arm) -> None:
     """Sampled closely between the points of the loop."""
     rng, checked = np.random.default_rng(8), 0

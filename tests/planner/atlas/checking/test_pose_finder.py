@@ -12,6 +12,7 @@ from planner.atlas.checking.pose_finder import PoseFinder
 LEAST_POWER = 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_it_finds_poses_that_are_within_reach(robot: Baxter, side: str) -> None:
     arm, finder, rng = robot.arm(side), PoseFinder(robot, side), np.random.default_rng(3)

@@ -37,6 +37,7 @@ def own_map(small_map: ReachMap, tmp_path: Path) -> ReachMap:
     return ReachMap(shutil.copytree(small_map.path, tmp_path / "own.zarr"))
 
 
+@pytest.mark.slow
 def test_a_map_is_right(small_map: ReachMap) -> None:
     blocks, cells = list[None](), list[int]()
     found = check_map(
@@ -58,6 +59,7 @@ def test_a_map_is_right(small_map: ReachMap) -> None:
     assert repr(found).startswith("MapCheck(120 cells, 0 wrong witnesses, 0 false proofs, power ")
 
 
+@pytest.mark.slow
 def test_the_same_seed_checks_the_same_cells(small_map: ReachMap) -> None:
     checks = [check_map(small_map, cells=20, seed=4, engine=Serial()) for _ in range(2)]
     assert checks[0] == checks[1]

@@ -20,6 +20,7 @@ def check(path: Path, small_map: ReachMap, cells: int) -> RedundancyCheck:
     return check_redundancy(found, small_map, cells=cells, finders=1, engine=engine)
 
 
+@pytest.mark.slow
 def test_a_map_is_right(redundancy_map: RedundancyMap, small_map: ReachMap) -> None:
     found = check(redundancy_map.path, small_map, 2)
     assert found.is_valid, found.wrong
@@ -29,6 +30,7 @@ def test_a_map_is_right(redundancy_map: RedundancyMap, small_map: ReachMap) -> N
     assert repr(found).startswith("RedundancyCheck(2 cells, 0 wrong, 0 missed pieces, power ")
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_found(
     redundancy_map: RedundancyMap, small_map: ReachMap, tmp_path: Path
 ) -> None:

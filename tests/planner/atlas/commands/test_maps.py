@@ -67,6 +67,7 @@ def refusal(argv: Sequence[str], capsys: pytest.CaptureFixture[str], status: int
     return said
 
 
+@pytest.mark.slow
 def test_a_map_is_built_told_and_verified(
     small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,6 +249,7 @@ def test_folders_without_permission_are_told(
     assert main(["info", own, "-q"]) == 0
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_told_and_the_build_goes_on_later(
     tmp_path: Path, small_map: ReachMap, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -78,6 +78,7 @@ def test_transferred_witnesses_hold_and_stock_ones_deviate_within_the_bound(
     assert not cells.witnesses[cells.margins < 0].any()
 
 
+@pytest.mark.slow
 def test_an_independent_solver_reaches_nothing_that_is_proven(
     cells: CalibratedCells, small_map: ReachMap, own: Baxter
 ) -> None:

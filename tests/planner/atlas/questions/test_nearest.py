@@ -38,6 +38,7 @@ def asked(robot: Baxter, small_map: ReachMap) -> list[NearestPose]:
     ]
 
 
+@pytest.mark.slow
 def test_the_nearest_pose_has_a_witness_and_the_kept_part(
     asked: list[NearestPose], finders: dict[str, PoseFinder]
 ) -> None:
@@ -62,6 +63,7 @@ def test_the_nearest_pose_has_a_witness_and_the_kept_part(
         assert "proven" in str(each)
 
 
+@pytest.mark.slow
 def test_lower_bounds_are_below_upper_ones(asked: list[NearestPose]) -> None:
     for each in asked:
         assert 0.0 <= each.proven <= each.distance

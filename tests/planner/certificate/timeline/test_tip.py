@@ -42,6 +42,7 @@ def straight(manipulator: Manipulator, trajectory: Trajectory) -> Plan:
     return complete(Plan(start, (move,)), manipulator=manipulator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "way",
     [
@@ -62,6 +63,7 @@ def test_lines_that_turn_evenly_are_certified(
         check(document, robot.description.text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal_m", [(0.05, 0.1, 0.02), (0.0, -0.15, 0.05)])
 def test_a_tip_is_certified_to_within_a_share_of_its_tolerance(
     robot: Baxter, manipulator: Manipulator, q_start: Any, goal_m: tuple[float, ...]

@@ -90,6 +90,7 @@ def different(links: Mapping[str, LinkBody]) -> Iterator[LinkBody]:
     return iter({link.mesh: link for link in links.values() if link.mesh}.values())
 
 
+@pytest.mark.slow
 def test_each_link_with_a_mesh_has_a_body(
     body: RobotBody, meshes: Mapping[str, Corners], robot: Baxter
 ) -> None:
@@ -100,6 +101,7 @@ def test_each_link_with_a_mesh_has_a_body(
         assert robot.model.existFrame(name.partition(":")[0])
 
 
+@pytest.mark.slow
 @every
 def test_no_point_of_a_mesh_is_outside_the_margin_and_the_surface_is_closed_around_it(
     body: RobotBody, meshes: Mapping[str, Corners], count: int
@@ -273,6 +275,7 @@ def with_both(mount: ElectricGripper) -> Baxter:
     return Baxter.load(hands={"left": mount, "right": mount})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mount", MOUNTS, ids=str)
 def test_the_gap_between_the_pads_is_that_of_the_meshes(mount: ElectricGripper) -> None:
     inner: dict[str, float] = {}
@@ -328,6 +331,7 @@ def test_a_post_beside_a_finger_is_as_near_as_fcl_finds(number: int) -> None:
     assert wanted - margin_m - GAP_TOLERANCE_M <= min(found) <= wanted + GAP_TOLERANCE_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fingers", "tips"), list(zip(FINGER_MESHES, TIP_MESHES, strict=True)))
 def test_fingers_of_a_hand_never_touch_each_other(fingers: str, tips: str) -> None:
     """At any opening from the innermost slot on, by coal on the files: `verify` leaves them out.

@@ -226,6 +226,7 @@ def test_compressed_chunks_are_read(robot: Baxter, path: Path, compression: str)
     assert len(found.times_s) == 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
 def test_bags_of_debians_rosbag_are_read(robot: Baxter, path: Path, compression: str) -> None:
     missing = debian.find_ros()

@@ -287,6 +287,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "real.csv"
 
 
+@pytest.mark.slow
 def test_a_tucked_arm_keeps_its_true_values_and_everything_shows_it(
     robot: Baxter, path: Path
 ) -> None:

@@ -175,6 +175,7 @@ def messages(path: Path, *topics: str) -> list[Any]:
 class TestEverythingComesBack:
     """To the bit."""
 
+    @pytest.mark.slow
     @settings(max_examples=30)
     @given(data=st.data())
     def test_of_any_recording(
@@ -204,6 +205,7 @@ class TestEverythingComesBack:
         assert found.start is not None
         assert set(found.start.scene.bodies) == {"table", "block"}
 
+    @pytest.mark.slow
     def test_it_plays_like_the_original_and_is_written_again_the_same(
         self, file: Path, picked: Recording, robot: Baxter, path: Path
     ) -> None:
@@ -269,6 +271,7 @@ class TestForOthers:
 class TestCutShort:
     """A process was killed, or a copy was not finished."""
 
+    @pytest.mark.slow
     def test_a_killed_run_keeps_all_but_the_last_moments(
         self, robot: Baxter, tmp_path: Path
     ) -> None:

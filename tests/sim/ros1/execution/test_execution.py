@@ -78,6 +78,7 @@ def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
     assert set(network.bus.registered("/baxter_kin")) == listened(network)
 
 
+@pytest.mark.slow
 def test_a_prepared_plan_is_executed_as_it_was_checked(
     robot: Baxter, demo_plan: Plan, ready: ReadyPlan
 ) -> None:

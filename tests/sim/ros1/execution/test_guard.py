@@ -82,6 +82,7 @@ def test_intended_contacts_are_reported_and_nothing_else(
         assert {near.first, near.second} == {"block", "table"}
 
 
+@pytest.mark.slow
 def test_samples_of_every_pair_keep_the_clearance(approach: Approach) -> None:
     """By distances at instants, where clearances are proven over intervals."""
     checker, move = approach.context.checker, approach.move

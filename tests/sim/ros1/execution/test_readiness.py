@@ -53,6 +53,7 @@ def motions(steps: Iterable[Move | Grip]) -> list[object]:
     return [(s.label, s.trajectory if isinstance(s, Move) else s.opening_m) for s in steps]
 
 
+@pytest.mark.slow
 def test_an_arm_at_the_start_begins_there(network: Network, demo_plan: Plan) -> None:
     move_robot(network, left_w2=0.015)
     found = looked(network, demo_plan)

@@ -50,6 +50,7 @@ def test_it_is_the_plan_ahead_by_its_velocity_within_the_limits(
     assert np.abs(sent.q_sent - wanted).max() < ROUNDING
 
 
+@pytest.mark.slow
 def test_a_joint_that_lags_by_the_lead_is_where_the_plan_has_it(move: Move) -> None:
     lag_s, step_s = 0.3, 1e-4
     motion = SentMotion([move], Pace(0.8, lag_s))

@@ -115,6 +115,7 @@ class TestArms:
         assert bench.baxter.arms["left"].q.tolist() == where
         assert not bench.baxter.assembly.state.is_enabled
 
+    @pytest.mark.slow
     @settings(max_examples=15)
     @given(st.integers(1, 40))
     def test_a_late_tick_makes_up_for_a_few_and_no_more(self, robot: Baxter, late: int) -> None:
@@ -245,6 +246,7 @@ class TestContacts:
 class TestCarrying:
     """The demo's pick, by commands alone."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("lags", [False, True])
     def test_a_block_is_picked_up_and_carried(
         self, robot: Baxter, table: Body, block: Body, ik: IKService, lags: bool

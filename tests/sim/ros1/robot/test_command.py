@@ -75,6 +75,7 @@ def started(*options: str, uri: str = "", ignores_sigint: bool = False) -> Itera
         process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "ignores_sigint", "status"),
     [(signal.SIGINT, False, 130), (signal.SIGTERM, False, 143), (signal.SIGINT, True, 130)],
@@ -94,6 +95,7 @@ def test_a_signal_ends_it_with_everything_unregistered(
         assert not node.has_parameter("/robot_description")
 
 
+@pytest.mark.slow
 def test_it_ends_with_status_1_when_another_takes_its_name() -> None:
     with (
         started("--own-master", "--port", "0") as robot,
@@ -104,6 +106,7 @@ def test_it_ends_with_status_1_when_another_takes_its_name() -> None:
         assert "registered" in robot.process.stderr.read()
 
 
+@pytest.mark.slow
 def test_its_options_are_seen_on_the_network_and_in_the_record(tmp_path: Path) -> None:
     record = tmp_path / "all.mcap"
     options = ["--own-master", "--port", "0", "--follow", "lag", "--lag-s", "0.2"]
@@ -126,6 +129,7 @@ def test_its_options_are_seen_on_the_network_and_in_the_record(tmp_path: Path) -
     assert len(recording.times_s) > 10
 
 
+@pytest.mark.slow
 def test_buttons_are_pressed_by_a_command_of_its_own(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ SCRIPT = Path(__file__).with_name("demo_client.py")
 DONE_S = 120.0
 
 
+@pytest.mark.slow
 def test_a_program_for_baxter_carries_a_block(
     robot: Baxter,
     master_uri: str,

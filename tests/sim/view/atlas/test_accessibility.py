@@ -18,6 +18,7 @@ STATES = {
 CARDS = ("#title", "#tools", "#panel", "#hint", "#controls")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "scheme"), [((390, 844), "light"), ((1280, 800), "dark"), ((2560, 1440), "light")]
 )

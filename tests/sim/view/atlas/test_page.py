@@ -65,6 +65,7 @@ def test_levels_are_the_maps_margins_rounded_down(loaded: Watched, small_map: Re
         assert np.array_equal(loaded.run(LEVELS, arm), wanted)
 
 
+@pytest.mark.slow
 def test_every_witness_is_found_again_and_met(loaded: Watched, small_map: ReachMap) -> None:
     found, met = loaded.run(WITNESSES)
     assert met == len(found) == sum((small_map.margins(s) >= 0).sum() for s in small_map.arms)

@@ -147,6 +147,7 @@ def test_time_that_starts_again_is_another_simulation(viewer: Viewer, robot: Bax
     assert len(viewer._run.recording().times_s) == 50
 
 
+@pytest.mark.slow
 def test_a_replayed_recording_is_shown(viewer: Viewer, page: Page, recording: Recording) -> None:
     play_back(recording, viewer)
     page.wait_until(lambda page: "/bodies/table/0" in page.drawn)

@@ -63,6 +63,7 @@ def page(shown: Recording, robot: Baxter) -> Page:
     return page
 
 
+@pytest.mark.slow
 def test_states_are_exactly_those_of_the_moves(page: Page, shown: Recording) -> None:
     motion = shown.motion("left")
     states = list(page.all_of("state"))

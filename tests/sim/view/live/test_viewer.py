@@ -213,6 +213,7 @@ def test_killed_program_leaves_nothing() -> None:
         socket.create_connection(("127.0.0.1", port or 0))
 
 
+@pytest.mark.slow
 def test_program_that_never_closes_the_view_ends_quietly() -> None:
     command = [sys.executable, "-W", "error", "-c", SERVE_FOREVER, "--end"]
     ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)

@@ -292,6 +292,7 @@ def test_what_keeps_its_own_time_cannot_be_paused(browser: Browser, robot: Baxte
         pages.close()
 
 
+@pytest.mark.slow
 def test_the_page_becomes_a_replay_and_wakes_up_when_the_program_runs_again(
     browser: Browser, robot: Baxter, left: Arm, executed: Recording
 ) -> None:
@@ -324,6 +325,7 @@ def test_the_page_becomes_a_replay_and_wakes_up_when_the_program_runs_again(
         again.close()
 
 
+@pytest.mark.slow
 def test_when_the_program_is_killed_the_page_shows_it_and_keeps_the_scene(browser: Browser) -> None:
     command = [sys.executable, "-c", SERVE_UNTIL_KILLED]
     with (
