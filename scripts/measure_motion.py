@@ -1,4 +1,4 @@
-"""Measure random motions: `python scripts/measure_motion.py cycles|shelves|paths|lines`.
+"""Measure random motions: `python scripts/measure_motion.py KIND`.
 
 `cycles [--count 40] [--seed 5] [--wall]`: picks and places of blocks on the demo's table with
 random positions and yaws, alternating between the arms. Every plan is verified, and compared with
@@ -10,6 +10,11 @@ robot, 10 to 25 cm deep, with a level hand, alternating between the arms; to a t
 `--bins` to another bin. The hand lifts the item by 1 cm, then draws it out. Every plan is verified
 and executed in the simulation. The exit status is 1 when a task has no plan, is not certified or
 fails.
+
+`upright [--count 60] [--seed 5] [--degrees 5]`: picks and places as of `cycles`, of cylinders that
+are to stay upright, every third over a wall of 10 to 30 cm, planned with and without; then free
+moves, with the hand down and level. Tilts are those at dense samples. The exit status is 1 when a
+task that has a plan without has none with, one is not certified, or one leans further.
 
 `paths [--count 50] [--seed 7]`: free moves. A wall of random size stands on the demo's table; start
 and goal are tip poses left and right of it, with random IK solutions, and the straight joint line
@@ -48,9 +53,12 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
+from baxter_kin.fields import evolve
+from baxter_kin.ik import sample_solutions
 from planner import (
     Body,
     Box,
+    Cylinder,
     Line,
     Manipulator,
     Part,
@@ -58,6 +66,7 @@ from planner import (
     Plan,
     Scene,
     Trajectory,
+    Upright,
     plan_joint_move,
     plan_pick_and_place,
     plan_straight_move,
@@ -100,6 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int)
     parser.add_argument("--wall", action="store_true", help="the demo's cycles around a wall")
     parser.add_argument("--bins", action="store_true", help="from bin to bin, not to a table")
+    parser.add_argument("--degrees", type=float, default=5.0, help="maximum tilt")
     parser.add_argument("--segments", type=int, default=200, help="of s(t) (default: %(default)s)")
     given = parser.parse_args(argv)
     return 0 if KINDS[given.kind](given) else 1
@@ -316,6 +326,132 @@ def _bin(name: str, front: float, y: float, low: float) -> list[Body]:
         _boxed(f"{name}'s left wall", side, (middle, y + beside, low + height / 2.0)),
         _boxed(f"{name}'s right wall", side, (middle, y - beside, low + height / 2.0)),
     ]
+
+
+# Upright carries and moves
+
+WALL_HEIGHTS_M, OVER_WALL_M, EVERY = (0.10, 0.30), 0.24, 3
+"""Heights of walls, minimum distance of pick and place beside one, and which tasks have one."""
+
+DENSE = 1000
+"""Number of samples of a motion."""
+
+
+def upright(given: argparse.Namespace) -> bool:
+    """Plan tasks with and without, print a line for each; whether all with are right."""
+    robot, rng = Baxter.load(), np.random.default_rng(5 if given.seed is None else given.seed)
+    arms = cycle([Manipulator.of(robot, side) for side in ("left", "right")])
+    keep = Upright(max_tilt_rad=math.radians(given.degrees))
+    ratios, tilts, number, good = [], [], given.count or 60, 0
+    for k, manipulator in zip(range(number), arms, strict=False):
+        free = next(found for _ in count() if (found := _standing(manipulator, rng, k)) is not None)
+        plans = free.plan(), free._replace(task=evolve(free.task, upright=keep)).plan()
+        found = [(plan.motion_time_s, _tilt_deg(manipulator.arm, plan)) for plan in plans]
+        print(f"{k:3d} {manipulator.arm.side}{' wall' if k % EVERY == EVERY - 1 else ''}:", end=" ")
+        if plans[1].failure is not None:
+            print(plans[1].failure, flush=True)
+            continue
+        is_kept = found[1][1] <= given.degrees and verify(plans[1]).is_valid
+        good += is_kept
+        tilts.append(found[1][1])
+        ratios.append(found[1][0] / found[0][0])
+        (free_s, free_deg), (kept_s, kept_deg) = found
+        print(f"{free_s:.3f} s at {free_deg:.2f} deg, {kept_s:.3f} s at {kept_deg:.3f} deg", end="")
+        print("" if is_kept else ", NOT KEPT", flush=True)
+    middle, late, most = np.quantile(ratios, [0.5, 0.9, 1.0])
+    print(f"{good} of {number} planned, kept and certified; greatest tilt {max(tilts):.3f} deg")
+    print(f"time over without: median {middle:.4f}, nine of ten {late:.4f}, at most {most:.4f}")
+    return _upright_moves(robot, rng, given.degrees) and good == number
+
+
+def _standing(manipulator: Manipulator, rng: np.random.Generator, number: int) -> Cycle | None:
+    """A task with a standing cylinder, which has a plan; some beside a wall."""
+    outward, has_wall = 1.0 if manipulator.arm.side == "left" else -1.0, number % EVERY == EVERY - 1
+    x, y = rng.uniform(NEAREST_M, FARTHEST_M, 2), outward * rng.uniform(*OUTWARD_M, 2)
+    way = np.array([x[1] - x[0], y[1] - y[0]])
+    if np.linalg.norm(way) < (OVER_WALL_M if has_wall else MIN_APART_M):
+        return None
+    turns, wall_m = rng.uniform(-np.pi / 2.0, np.pi / 2.0, 2), rng.uniform(*WALL_HEIGHTS_M)
+    places = [
+        pin.SE3(pin.utils.rotate("z", a), np.array([b, c, TABLE_Z_M + SIZE_M / 2.0]))
+        for a, b, c in zip(turns, x, y, strict=True)
+    ]
+    down = pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
+    task = PickAndPlace("block", *(place * down for place in places))
+    part = Part(Cylinder(SIZE_M / 2.0, SIZE_M), pin.SE3.Identity())
+    bodies = [
+        demo_bodies(manipulator.arm.side)[0],
+        Body("block", (part,), places[0], is_movable=True),
+    ]
+    if has_wall:
+        R = pin.utils.rotate("z", math.atan2(way[1], way[0]))
+        at = np.array([x.mean(), y.mean(), TABLE_Z_M + wall_m / 2.0])
+        part = Part(Box((0.02, 0.30, wall_m)), pin.SE3.Identity())
+        bodies.append(Body("wall", (part,), pin.SE3(R, at)))
+    found = Cycle(manipulator, Scene.of(bodies), manipulator.arm.start, task)
+    return found if found.plan().is_valid else None
+
+
+def _tilt_deg(arm: Arm, plan: Plan) -> float:
+    """The greatest tilt of the z axis of what the hand holds."""
+    tilts = [0.0]
+    for move in plan.moves:
+        held = None if move.state is None else move.state.holding(arm.side)
+        if held is not None:
+            tilts.append(_greatest_deg(arm, move.trajectory, held.T_link_body.rotation[:, 2]))
+    return max(tilts)
+
+
+def _greatest_deg(arm: Arm, motion: Trajectory, axis_tip: FloatArray) -> float:
+    q = motion.sample(np.linspace(0.0, motion.duration, DENSE)).q
+    up = (arm.T_base_tips(q)[:, :3, :3] @ axis_tip)[:, 2]
+    return math.degrees(np.arccos(np.clip(up, -1.0, 1.0)).max())
+
+
+def _upright_moves(robot: Baxter, rng: np.random.Generator, degrees: float) -> bool:
+    """Free moves from a pose to the nearest solution of another; whether all are found and kept."""
+    down = pose_from_quaternion((0.0, 0.0, 0.0), OVERHEAD_XYZW).rotation
+    is_right = True
+    for name, R, turn in (("down", down, 1.0), ("level", LEVEL, 0.6)):
+        axis = R.T @ np.array([0.0, 0.0, 1.0])
+        keep, ratios, tilts = Upright(tuple(axis), math.radians(degrees)), [], []
+        for k in range(40):
+            side = ("left", "right")[k % 2]
+            manipulator = Manipulator.of(robot, side)
+            context, direct, ends = manipulator.context(Scene.of([])), None, list[FloatArray]()
+            while direct is None or not context.is_clear(direct):  # of the robot itself
+                ends = _nearest_ends(manipulator, context, R, turn, rng)
+                direct = plan_joint_move(*ends, manipulator.limits)
+            with suppress(FreeMoveError):
+                motion = plan_free_move(*ends, manipulator.limits, context, upright=keep)
+                ratios.append(motion.duration / direct.duration)
+                tilts.append(_greatest_deg(manipulator.arm, motion, axis))
+        middle, late = np.quantile(ratios, [0.5, 0.9])
+        print(
+            f"{len(ratios)} of 40 free moves, hand {name}: at most {max(tilts):.3f} deg; time over "
+            f"the direct move: median {middle:.4f}, nine of ten {late:.4f}"
+        )
+        is_right &= len(ratios) == 40 and max(tilts) <= degrees
+    return is_right
+
+
+def _nearest_ends(
+    manipulator: Manipulator,
+    context: CollisionContext,
+    R: FloatArray,
+    turn_rad: float,
+    rng: np.random.Generator,
+) -> list[FloatArray]:
+    """A free solution of one pose, and the nearest one of another."""
+    outward, ends = 1.0 if manipulator.arm.side == "left" else -1.0, list[FloatArray]()
+    while len(ends) < 2:
+        at = rng.uniform((0.55, -0.1, -0.1), (0.85, 0.55, 0.35)) * [1.0, outward, 1.0]
+        T = pin.SE3(pin.utils.rotate("z", turn_rad * rng.uniform(-1.0, 1.0)) @ R, at)
+        qs = [q for q in sample_solutions(manipulator.ik, T) if context.is_free(q)]
+        if ends:
+            qs.sort(key=lambda q: float(np.abs(q - ends[0]).max()))
+        ends += qs[:1]
+    return ends
 
 
 # Free moves
@@ -608,6 +744,7 @@ def _down(x: float, y: float, z: float) -> pin.SE3:
 KINDS: dict[str, Callable[[argparse.Namespace], bool]] = {
     "cycles": cycles,
     "shelves": shelves,
+    "upright": upright,
     "paths": paths,
     "lines": lines,
 }

@@ -81,6 +81,7 @@ def specimens_of(
             planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)),
             planner.LineTolerance(),
             planner.Line("tool", 0.1),
+            planner.Upright(),
         ),
         "simulation": simulation,
         "outcome": outcome,

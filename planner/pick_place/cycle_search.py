@@ -12,6 +12,7 @@ whose result replaces it if it is clear and faster.
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -20,8 +21,9 @@ from itertools import islice
 import numpy as np
 
 from baxter_kin.fields import evolve
+from planner.motion.upright import Upright
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
-from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles
+from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles, tip_upright
 from planner.pick_place.phases import PhaseMaker, refuse_blocked_hand
 from planner.pick_place.plan_builder import (
     NoSolutionError,
@@ -30,8 +32,15 @@ from planner.pick_place.plan_builder import (
     proven,
     refuse_blocked,
 )
-from planner.pick_place.task import MOVES, SIDEWAYS, STAGES, PickAndPlace, PlanRequest
-from planner.plan import GripperAction, Plan, PlanFailure
+from planner.pick_place.task import (
+    CARRYING,
+    MOVES,
+    SIDEWAYS,
+    STAGES,
+    PickAndPlace,
+    PlanRequest,
+)
+from planner.plan import Claim, GripperAction, Plan, PlanFailure
 
 logger = logging.getLogger(__name__)
 
@@ -80,6 +89,9 @@ class CycleSearch:
         """The plan of the shortest cycle found, or why there is none."""
         try:
             self._refuse_unreachable()
+            leaning = leaning_failure(self._request, self._task)
+            if leaning is not None:
+                raise NoSolutionError(leaning)
             self._make_phases()
             self._check_solutions()
             for plan in self._fastest():
@@ -253,13 +265,18 @@ class CycleSearch:
             "pick: retract": ("pick: close", GripperAction.CLOSE, phases.closing, task.body),
             "place: retract": ("place: open", GripperAction.OPEN, phases.releasing, task.body),
         }
+        claims = () if task.upright is None else (upright_claim(task.upright),)
         builder.add_open("pick: open", phases.opening_m)
         for leg in cycle.legs:
             if leg.label in grips:
                 builder.add_grip(*grips[leg.label])
             context, is_straight = self._contexts[leg.label], leg.ends is not None
             motion = proven_motions.get(leg.label) or proven(leg.stage, motions[leg.label], context)
-            builder.add_move(leg.label, motion, context, leg.T_base_goal, is_straight=is_straight)
+            builder.add_move(
+                *(leg.label, motion, context, leg.T_base_goal),
+                is_straight=is_straight,
+                claims=claims if leg.stage in CARRYING else (),
+            )
 
     def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
         """The incomplete plan, recorded as a miss."""
@@ -278,6 +295,30 @@ class CycleSearch:
         reason = f"{nearest.reason} ({'; '.join(parts)})"
         failure = evolve(nearest, reason=reason, tried=failures, tallies=tallies)
         return evolve(best, failure=failure)
+
+
+def leaning_failure(request: PlanRequest, task: PickAndPlace) -> PlanFailure | None:
+    """The failure if the body leans too far where it is picked or placed."""
+    upright = tip_upright(request, task)
+    if upright is None:
+        return None
+    for stage, T in (("pick: close", task.T_base_pick), ("place: descend", task.T_base_place)):
+        up = float(T.rotation[2] @ np.array(upright.axis))
+        tilt_rad = math.acos(min(1.0, max(-1.0, up)))
+        if tilt_rad > upright.max_tilt_rad:
+            reason = (
+                f"{task.body} leans by {math.degrees(tilt_rad):.2f} deg there, and at most "
+                f"{math.degrees(upright.max_tilt_rad):g} deg are allowed"
+            )
+            return PlanFailure(stage, reason, is_certain=True)
+    return None
+
+
+def upright_claim(upright: Upright) -> Claim:
+    """What a plan states of a move that carries a body upright."""
+    x, y, z = upright.axis
+    values = {"axis_x": x, "axis_y": y, "axis_z": z, "max_tilt_rad": upright.max_tilt_rad}
+    return Claim("upright", values)
 
 
 def _nearness(failure: PlanFailure) -> tuple[int, float]:

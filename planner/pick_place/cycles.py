@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count, pairwise
 
@@ -27,9 +27,11 @@ from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import intervals_of, is_on_line, knot_tolerance
 from planner.motion.straight_move import plan_straight_move
+from planner.motion.upright import KNOT_SHARES, Upright
 from planner.pick_place.candidates import CandidatePair
 from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
 from planner.pick_place.task import (
+    CARRYING,
     INWARD,
     LINES,
     PICK_LINES,
@@ -74,6 +76,17 @@ LINES_FIRST = ("pick: retract", "pick: descend", "place: descend", "place: retra
 """The order in which a stopping cycle plans its lines."""
 
 
+def tip_upright(request: PlanRequest, task: PickAndPlace) -> Upright | None:
+    """The axis of the body that stays upright, seen from the tip that holds it; None if none does.
+
+    Fingers that close on the body shift it, and do not turn it.
+    """
+    if task.upright is None:
+        return None
+    R_base_body = request.scene[task.body].T_base_body.rotation
+    return task.upright.seen_from_tip(task.T_base_pick.rotation.T @ R_base_body)
+
+
 class CycleProgram:
     """The program of one task, for any pair of solutions.
 
@@ -112,7 +125,10 @@ class CycleProgram:
         self._is_usual = max(usual) <= MAX_ON_LINE and shortest_m >= MIN_LINE_M
         self._intervals, self._led = ([fineness * n for n in counts] for counts in (usual, led))
         self.is_vertical = is_vertical
-        self._phases = _phases(legs, may_sink=not is_vertical)
+        self._phases = _phases(
+            legs, may_sink=not is_vertical, keeps_upright=task.upright is not None
+        )
+        self._upright = tip_upright(request, task)
         self._followed: dict[tuple[str, bytes], list[Sketch] | None] = {}
 
     def _heights_m(self, request: PlanRequest) -> tuple[float, float]:
@@ -215,7 +231,22 @@ class CycleProgram:
         counted = zip(self._phases, sketches, strict=True)
         phases = tuple(phase._replace(intervals=sketch.intervals) for phase, sketch in counted)
         program = _program(phases, len(limits.names))
-        return program.solve(sketches, self._task, arm, limits, clearances)
+        if self._upright is None:
+            return program.solve(sketches, self._task, arm, limits, clearances)
+        for share in KNOT_SHARES:
+            task = replace(self._task, tilt=self._upright.at_knots(share))
+            motions = program.solve(sketches, task, arm, limits, clearances)
+            if motions is None or not self._leans(motions):
+                return motions
+        return None
+
+    def _leans(self, motions: Motions) -> bool:
+        """Whether the axis that stays upright leaves its cone while the body is carried."""
+        return self._upright is not None and not all(
+            self._upright.is_kept_by(self._manipulator.arm, motion)
+            for leg, motion in zip(self._legs, motions, strict=True)
+            if leg.stage in CARRYING
+        )
 
     def _off_line(self, motions: Motions) -> list[bool]:
         """Whether each motion leaves its line."""
@@ -286,11 +317,11 @@ class CycleProgram:
         return sketches
 
 
-def _phases(legs: Sequence[Leg], *, may_sink: bool) -> tuple[Phase, ...]:
+def _phases(legs: Sequence[Leg], *, may_sink: bool, keeps_upright: bool) -> tuple[Phase, ...]:
     """The phases of a program, whose numbers of intervals are not known yet."""
     numbers = count()
     return tuple(
-        Phase(0, may_sink=may_sink)
+        Phase(0, may_sink=may_sink, keeps_upright=keeps_upright and leg.stage in CARRYING)
         if leg.line is None
         else Phase(
             0, next(numbers), (1.0, 0.0) if leg.stage in INWARD else (0.0, 1.0), rests=leg.rests
@@ -346,6 +377,7 @@ class StoppingCycles:
     ) -> None:
         """Store a task, with the collision context of each leg by its label."""
         self._request, self._legs, self._contexts = request, task.legs, contexts
+        self._upright = tip_upright(request, task)
         self._planned: dict[tuple[bytes, bytes], Trajectory | str] = {}
 
     def of(self, q_pick: FloatArray, q_place: FloatArray) -> tuple[Cycle, dict[str, ProvenMotion]]:
@@ -367,7 +399,10 @@ class StoppingCycles:
             if leg.line is None:
                 ends = q, lines[following.label].q_start
                 manipulator, context = self._request.manipulator, contexts[leg.label]
-                found = free_motion(leg.stage, ends, manipulator, context, TIMEOUT_S)
+                upright = self._upright if leg.stage in CARRYING else None
+                found = free_motion(
+                    *(leg.stage, ends, manipulator, context, TIMEOUT_S), upright=upright
+                )
                 motions[leg.label], lines[leg.label] = found, found.trajectory
             q = lines[leg.label].q_goal
         return Cycle(legs, tuple(lines[leg.label] for leg in legs)), motions

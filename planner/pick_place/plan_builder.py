@@ -17,8 +17,9 @@ from planner.grasping.finger_travel import FingerTravel, prove_travel
 from planner.manipulator import Manipulator
 from planner.motion.free_move import DEFAULT_MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
+from planner.motion.upright import Upright
 from planner.pick_place.task import Line, PlanRequest, numbered, retreat_poses
-from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
+from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.state import State
 from planner.trajectory import Trajectory
 
@@ -74,6 +75,7 @@ class PlanBuilder:
         T_base_tip: pin.SE3 | None = None,
         *,
         is_straight: bool = False,
+        claims: tuple[Claim, ...] = (),
     ) -> None:
         """Add a move.
 
@@ -83,6 +85,7 @@ class PlanBuilder:
             context: the collision context of the move.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
             is_straight: whether the tip moves along a straight line.
+            claims: further properties.
         """
         (trajectory, proof), ik = motion, None
         if T_base_tip is not None:
@@ -99,6 +102,7 @@ class PlanBuilder:
                 is_straight=is_straight,
                 state=self._state,
                 contacts=contacts,
+                claims=claims,
             )
         )
 
@@ -195,6 +199,8 @@ def free_motion(
     manipulator: Manipulator,
     context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
+    *,
+    upright: Upright | None = None,
 ) -> ProvenMotion:
     """A motion between two configurations around obstacles, proven clear.
 
@@ -219,6 +225,7 @@ def free_motion(
             is_clear,
             timeout_s=timeout_s,
             margin_m=context.margin_m + DEFAULT_MARGIN_M,
+            upright=upright,
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause

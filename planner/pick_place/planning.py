@@ -34,7 +34,8 @@ from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
 from planner.motion.response import Response
 from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
-from planner.pick_place.cycle_search import CycleSearch
+from planner.motion.upright import Upright
+from planner.pick_place.cycle_search import CycleSearch, leaning_failure
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import (
     UP,
@@ -49,6 +50,9 @@ from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
 from planner.scene.bodies import Attachment, Scene
 from planner.state import State
+
+WIDER = (2.0, 4.0)
+"""How many times wider cones are tried where no upright plan is found."""
 
 
 def plan_pick_and_place(
@@ -119,10 +123,37 @@ def plan_pick_and_place(
         if holding.body == task.body:
             reason = f"{task.body} is in the {holding.side} hand"
             return PlanBuilder(request).plan(PlanFailure("pick: close", reason, is_certain=True))
-    plan = CycleSearch(request, task).shortest()
+    plan = _planned(request, task)
     if response is None:
         return plan
     return planned_for(plan, response, request.manipulator, margin_m=request.margin_m)
+
+
+def _planned(request: PlanRequest, task: PickAndPlace) -> Plan:
+    """The plan of a checked task; without its upright axis where that need not be kept."""
+    plan, upright = CycleSearch(request, task).shortest(), task.upright
+    if upright is None or plan.failure is None:
+        return plan
+    is_other = plan.failure.is_certain and leaning_failure(request, task) is None
+    if not upright.is_required and not is_other:
+        return CycleSearch(request, evolve(task, upright=None)).shortest()
+    if plan.failure.is_certain:
+        return plan
+    return evolve(plan, failure=_with_wider_cone(request, task, upright, plan.failure))
+
+
+def _with_wider_cone(
+    request: PlanRequest, task: PickAndPlace, upright: Upright, failure: PlanFailure
+) -> PlanFailure:
+    """The failure of a task that keeps a body upright, with a cone in which a plan is found."""
+    none_found = f"none found at {math.degrees(upright.max_tilt_rad):g} deg"
+    for times in WIDER:
+        wide_rad = min(times * upright.max_tilt_rad, math.pi)
+        wider = evolve(task, upright=Upright(upright.axis, wide_rad))
+        if CycleSearch(request, wider).shortest().is_valid:
+            none_found += f"; {math.degrees(wide_rad):g} deg would do"
+            break
+    return evolve(failure, reason=f"{none_found}: {failure.reason}")
 
 
 def plan_start_move(

@@ -28,6 +28,7 @@ from baxter_kin.validation import FloatArray, expect_all, finite_array, positive
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
 from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance, StraightLine
+from planner.motion.upright import Upright
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
@@ -47,6 +48,9 @@ MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close
 
 LINES = tuple(each for each in MOVES if each not in SIDEWAYS)
 """All stages in which the tip follows lines, in order."""
+
+CARRYING = ("pick: retract", SIDEWAYS[1], "place: descend")
+"""Stages in which the hand holds the body."""
 
 INWARD = ("pick: descend", "place: descend")
 """Stages in which it follows them to the pick or to the place, instead of away from there."""
@@ -253,6 +257,8 @@ class PickAndPlace:
         retreat: lines away from the pick, with the body; empty for the default.
         place_approach: lines to the place, with the body; empty where it is vertical.
         place_retreat: lines away from the place; empty for the default.
+        upright: the axis of the body that stays within a cone from grasp to release; None where it
+            may lean.
 
     Raises:
         TaskError: when `body` is not a name, a height is not a number above zero, or above
@@ -275,6 +281,7 @@ class PickAndPlace:
     retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
     place_approach: Lines = field(default=(), converter=checked_lines, kw_only=True)
     place_retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    upright: Upright | None = field(default=None, kw_only=True)
 
     @property
     def legs(self) -> tuple[Leg, ...]:

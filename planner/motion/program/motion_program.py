@@ -31,7 +31,7 @@ from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
 from planner.collision.obstacles import LinearBounds, Obstacles
 from planner.motion.program.rows import ClearanceRows, Clearances, Rows, clearance_rows, spline_rows
-from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
+from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows, tilt_rows
 from planner.motion.program.unknowns import (
     MotionTask,
     Numbers,
@@ -109,7 +109,7 @@ class MotionProgram:
         x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases, joints)
         parts = (
             make(self.phases, self._unknowns, x, numbers)
-            for make in (spline_rows, line_rows, speed_rows, height_rows)
+            for make in (spline_rows, line_rows, speed_rows, height_rows, tilt_rows)
         )
         rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))

@@ -19,6 +19,9 @@ from planner.motion.straight_line import StraightLine
 LINE_NUMBERS = 19
 """Initial position and rotation, displacement, axis and angle of the rotation."""
 
+TILT_NUMBERS = 4
+"""An axis seen from the tip, and 1 - cos of its maximum tilt."""
+
 GEOMETRY_NUMBERS = 31 + 9 + 4
 """Dimensions of the chain, rotation of the tip, direction and offset of the vertical."""
 
@@ -88,17 +91,19 @@ class Numbers:
         tolerance: of lines, m and rad, 2 x 1.
         rates: where a line is entered and left at speed, 4 x 1.
         heights: m, one for each phase with a minimum height.
+        tilt: the axis that stays upright and 1 - cos of its maximum tilt, 4 x 1.
         lines: `line_numbers` of each.
     """
 
     def __init__(self, phases: Sequence[Phase], joints: int) -> None:
         lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
         heights = sum(phase.keeps_height for phase in phases)
-        sizes = [2 * joints, 3 * joints, GEOMETRY_NUMBERS, 2, 4, heights, *[LINE_NUMBERS] * lines]
+        few = GEOMETRY_NUMBERS, 2, 4, heights, TILT_NUMBERS
+        sizes = [2 * joints, 3 * joints, *few, *[LINE_NUMBERS] * lines]
         self.all = ca.MX.sym("numbers", sum(sizes))
         parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
         self.q_ends, self.limits, self.geometry, self.tolerance, self.rates, *parts = parts
-        self.heights, *self.lines = parts
+        self.heights, self.tilt, *self.lines = parts
 
 
 def numbers_of(
@@ -112,7 +117,7 @@ def numbers_of(
     geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm)
     bounds = limits.v_max * unit_s, limits.a_max * unit_s**2, limits.j_max * unit_s**3
     rates = np.array(task.rates) * np.tile([unit_s, unit_s**2], 2)
-    few = np.array([*task.tolerance, *rates, *task.heights_m])
+    few = np.array([*task.tolerance, *rates, *task.heights_m, *task.tilt])
     return np.concatenate([*ends_of(task), *bounds, geometry, few, *lines])
 
 
@@ -134,6 +139,7 @@ class Phase(NamedTuple):
         enters: whether the tip has a given speed along its line at the start; for the first phase.
         leaves: the same at the end; for the last phase.
         may_sink: whether a phase without a line has no minimum height.
+        keeps_upright: whether the axis of the task stays upright at the knots in between.
     """
 
     intervals: int
@@ -144,6 +150,7 @@ class Phase(NamedTuple):
     enters: bool = False
     leaves: bool = False
     may_sink: bool = False
+    keeps_upright: bool = False
 
     @property
     def keeps_height(self) -> bool:
@@ -163,6 +170,8 @@ class MotionTask:
         q_goal: final configuration at rest, if given, shape (7,), rad.
         rates: first and second time derivative of the fraction of the line where it is entered at
             speed, then where it is left.
+        tilt: of the phases that keep upright: the axis that does, a unit vector seen from the tip,
+            and 1 - cos of its maximum tilt.
     """
 
     q_start: FloatArray
@@ -171,6 +180,7 @@ class MotionTask:
     heights_m: tuple[float, ...] = ()
     q_goal: FloatArray | None = None
     rates: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    tilt: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
 def line_numbers(line: StraightLine, arm: Arm) -> FloatArray:

@@ -118,6 +118,7 @@ def test_what_hangs_in_front_of_a_bin_is_met_on_the_line(
     assert "curtain" in str(refused.failure)
 
 
+@pytest.mark.slow
 def test_an_item_that_is_dragged_over_its_support_is_not_certified(
     manipulator: Manipulator, bin_scene: Scene
 ) -> None:
