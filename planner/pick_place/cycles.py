@@ -105,7 +105,7 @@ class CycleProgram:
         self._manipulator, self._tolerance = request.manipulator, request.line_tolerance
         self._legs = legs = task.legs
         lines = tuple(line for leg in legs if (line := leg.line) is not None)
-        is_vertical = all(leg.is_upright for leg in legs if leg.ends is not None)
+        is_vertical = all(leg.is_vertical for leg in legs if leg.ends is not None)
         self._task = MotionTask(
             request.q_start,
             lines,

@@ -370,7 +370,7 @@ def _refuse_blocked_line(
     near, needed_m, sample = min(contacts, key=lambda each: each[0].distance_m)
     T_base_tip = line.at(float(fractions[sample]))
     away_m = float(np.linalg.norm(T_base_tip.translation - T_base_pose.translation))
-    away = f"{1e3 * away_m:.0f} mm {'above' if leg.is_upright else 'away from'} the pose"
+    away = f"{1e3 * away_m:.0f} mm {'above' if leg.is_vertical else 'away from'} the pose"
     reason = f"for every IK solution, {near.text} {away if away_m > 0.0 else 'at the pose'}"
     if near.distance_m > 0.0:
         reason += f", and {1e3 * context.margin_m:.1f} mm are required"

@@ -200,8 +200,8 @@ class Leg(NamedTuple):
         return None if self.ends is None else StraightLine(*self.ends)
 
     @property
-    def is_upright(self) -> bool:
-        """Whether its line leads straight up from the end that is nearer to the pick or place."""
+    def is_vertical(self) -> bool:
+        """Whether its line leads straight up from the end nearer to the pick or place."""
         if self.ends is None:
             return False
         near, far = self.ends

@@ -102,7 +102,7 @@ def test_lines_are_vertical_by_default(hover_m: float, clear_m: float) -> None:
         rise = leg.T_base_goal.translation - T.translation
         np.testing.assert_allclose(rise, [0.0, 0.0, height_m], atol=ROUNDING_M)
         np.testing.assert_array_equal(leg.T_base_goal.rotation, T.rotation)
-        assert leg.line is None or leg.is_upright
+        assert leg.line is None or leg.is_vertical
     assert task.T_base_end.isApprox(task.legs[-1].T_base_goal)
 
 
