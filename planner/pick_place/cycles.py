@@ -412,9 +412,9 @@ class StoppingCycles:
         motions: dict[str, Trajectory] = {}
         legs = [leg for leg in self._legs if leg.stage == stage]
         for leg in reversed(legs) if stage in INWARD else legs:
-            if leg.line is None:
+            if leg.ends is None:
                 continue
-            outwards = self._line(stage, q, leg.line.T_base_goal)
+            outwards = self._line(stage, q, leg.ends[1])
             motions[leg.label] = outwards.reversed() if stage in INWARD else outwards
             q = outwards.q_goal
         return motions
