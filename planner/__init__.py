@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from planner.collision.robot.robot_body import RobotBody as RobotBody
     from planner.collision.robot.robot_shapes import RobotShapes as RobotShapes
     from planner.completion import complete as complete
+    from planner.completion import tilt_of as tilt_of
     from planner.errors import PathMoveError as PathMoveError
     from planner.errors import PlannerError as PlannerError
     from planner.errors import StraightMoveError as StraightMoveError
@@ -35,10 +36,12 @@ if TYPE_CHECKING:
     from planner.motion.straight_line import LineTolerance as LineTolerance
     from planner.motion.straight_line import StraightLine as StraightLine
     from planner.motion.straight_move import plan_straight_move as plan_straight_move
+    from planner.motion.upright import Upright as Upright
     from planner.pick_place.candidates import transfer_bound_s as transfer_bound_s
     from planner.pick_place.planning import plan_pick_and_place as plan_pick_and_place
     from planner.pick_place.planning import plan_retract as plan_retract
     from planner.pick_place.planning import plan_start_move as plan_start_move
+    from planner.pick_place.task import Line as Line
     from planner.pick_place.task import PickAndPlace as PickAndPlace
     from planner.pick_place.tracking import TrackingProof as TrackingProof
     from planner.pick_place.tracking import prove_tracking as prove_tracking
@@ -86,6 +89,7 @@ __all__, __getattr__ = lazy(
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",
+        "Line": "planner.pick_place.task",
         "LineTolerance": "planner.motion.straight_line",
         "Manipulator": "planner.manipulator",
         "Mesh": "planner.scene.mesh",
@@ -110,6 +114,7 @@ __all__, __getattr__ = lazy(
         "StraightMoveError": "planner.errors",
         "TrackingProof": "planner.pick_place.tracking",
         "Trajectory": "planner.trajectory",
+        "Upright": "planner.motion.upright",
         "certify": "planner.verification",
         "complete": "planner.completion",
         "fit_response": "planner.motion.response",
@@ -128,6 +133,7 @@ __all__, __getattr__ = lazy(
         "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",
+        "tilt_of": "planner.completion",
         "tool_of": "planner.grasping.tool",
         "transfer_bound_s": "planner.pick_place.candidates",
         "verify": "planner.verification",

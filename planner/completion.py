@@ -25,6 +25,7 @@ from planner.errors import TaskError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S, MIN_PUSH_M
 from planner.grasping.grasp import Grasp, Miss
 from planner.manipulator import Manipulator
+from planner.motion.upright import max_tilt_rad
 from planner.plan import Grip, GripperAction, Move, Plan, Step
 from planner.scene.contact import Contact, part_contacts
 from planner.scene.support import settle
@@ -58,6 +59,35 @@ def manipulator_for(plan: Plan, manipulator: Manipulator | None) -> Manipulator:
     if expect(arm, Manipulator, "manipulator", TaskError).arm.side != plan.limb:
         raise TaskError(f"the plan is for the {plan.limb} arm, the manipulator is the other one")
     return arm
+
+
+def tilt_of(plan: Plan, *, manipulator: Manipulator | None = None) -> float:
+    """By how much a body leans on its way: the greatest angle from how it was grasped, rad.
+
+    The angle is that between the vertical and the axis of the body which was vertical at the grasp,
+    at samples, 8 in each interval of a move. What a plan states of an upright axis is proven at
+    every instant (`Upright`, `verify`).
+
+    Args:
+        plan: the plan.
+        manipulator: the arm that it is for; that of the stock robot when not given.
+
+    Raises:
+        TaskError: as `complete`.
+    """
+    arm = manipulator_for(plan, manipulator)
+    if any(step.state is None for step in plan):
+        plan = complete(plan, manipulator=arm)
+    tilt_rad, axes = 0.0, dict[str, tuple[float, ...]]()
+    for move in plan.moves:
+        held = state_of(move).holding(arm.arm.side)
+        if held is None:
+            axes.clear()
+            continue
+        T_base_tip = arm.arm.T_base_tip(move.trajectory.q_start)
+        axis = axes.setdefault(held.body, tuple(T_base_tip.rotation[2].tolist()))
+        tilt_rad = max(tilt_rad, max_tilt_rad(arm.arm, move.trajectory, axis))
+    return tilt_rad
 
 
 def move_contexts(plan: Plan, manipulator: Manipulator) -> tuple[CollisionContext, ...]:

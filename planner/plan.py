@@ -59,7 +59,8 @@ class Claim:
     """A property that a move is stated to have, for which `Move` has no field.
 
     Plan files keep claims of every kind. `verify` does not certify a plan with a claim of a kind
-    that it cannot check; at present it cannot check any.
+    that it cannot check. It checks "upright": an axis of the held body, `axis_x`, `axis_y` and
+    `axis_z`, stays within `max_tilt_rad` of the vertical.
 
     Attributes:
         kind: the name of the property, such as "upright".

@@ -1,9 +1,20 @@
-"""Compare random motions with optima: `python scripts/measure_motion.py KIND`, of the four below.
+"""Measure random motions: `python scripts/measure_motion.py KIND`.
 
 `cycles [--count 40] [--seed 5] [--wall]`: picks and places of blocks on the demo's table with
 random positions and yaws, alternating between the arms. Every plan is verified, and compared with
 the same program on a grid twice as fine and without obstacles. With `--wall`, only the demo's two
 cycles, around a wall between pick and place. The exit status is 1 when a task has no valid plan.
+
+`shelves [--count 20] [--seed 0] [--bins]`: picks out of bins that are open towards the
+robot, 10 to 25 cm deep, with a level hand, alternating between the arms; to a table, or with
+`--bins` to another bin. The hand lifts the item by 1 cm, then draws it out. Every plan is verified
+and executed in the simulation. The exit status is 1 when a task has no plan, is not certified or
+fails.
+
+`upright [--count 60] [--seed 5] [--degrees 5]`: picks and places as of `cycles`, of cylinders that
+are to stay upright, every third over a wall of 10 to 30 cm, planned with and without; then free
+moves, with the hand down and level. Tilts are those at dense samples. The exit status is 1 when a
+task that has a plan without has none with, one is not certified, or one leans further.
 
 `paths [--count 50] [--seed 7]`: free moves. A wall of random size stands on the demo's table; start
 and goal are tip poses left and right of it, with random IK solutions, and the straight joint line
@@ -34,6 +45,7 @@ a motion is farther from a recording than the tolerance where the limits allow i
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 import sys
 import time
@@ -49,15 +61,20 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
+from baxter_kin.fields import evolve
+from baxter_kin.ik import sample_solutions
 from planner import (
     Body,
     Box,
+    Cylinder,
+    Line,
     Manipulator,
     Part,
     PickAndPlace,
     Plan,
     Scene,
     Trajectory,
+    Upright,
     plan_joint_move,
     plan_pick_and_place,
     plan_straight_move,
@@ -71,9 +88,11 @@ from planner.motion.program.guess import follow
 from planner.motion.recorded.fastest import as_fast_as_possible
 from planner.motion.recorded.smoothing import NearMotion, at_recorded_speed
 from planner.motion.straight_line import StraightLine
+from planner.pick_place import cycle_search
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycles import CycleProgram
 from planner.pick_place.task import PlanRequest
+from sim import Simulation, World
 from sim.demo.options import DEFAULT_POSES_M
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles
 from sim.recording.recorder import planned_recording
@@ -101,6 +120,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, help="how many motions")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--wall", action="store_true", help="the demo's cycles around a wall")
+    parser.add_argument("--bins", action="store_true", help="from bin to bin, not to a table")
+    parser.add_argument("--degrees", type=float, default=5.0, help="maximum tilt")
     parser.add_argument("--segments", type=int, default=200, help="of s(t) (default: %(default)s)")
     given = parser.parse_args(argv)
     return 0 if KINDS[given.kind](given) else 1
@@ -198,6 +219,251 @@ def _walled(robot: Baxter) -> Iterator[Cycle]:
     moved = block.at(place * pick.inverse() * block.T_base_body)
     scene = scene.without("block").with_body(moved)
     yield Cycle(manipulator, scene, q, PickAndPlace("block", place, pick))
+
+
+# Picks out of bins
+
+BIN_M, BIN_WALL_M, LIFT_M = (0.37, 0.27, 0.22), 0.01, 0.01
+"""Depth, width and height inside; how far an item is lifted there."""
+
+LEVEL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""The hand points forwards, and its camera down; it may also be turned over."""
+
+
+def shelves(given: argparse.Namespace) -> bool:
+    """Plan tasks and print a line for each; whether all are planned, certified and executed."""
+    stopping = _Counter()
+    logging.getLogger(cycle_search.__name__).addHandler(stopping)
+    logging.getLogger(cycle_search.__name__).setLevel(logging.INFO)
+    robot, rng = Baxter.load(), np.random.default_rng(given.seed or 0)
+    arms = cycle([Manipulator.of(robot, side) for side in ("left", "right")])
+    number, durations, times, good, by_program = given.count or 20, [], [], 0, 0
+    for k, manipulator in zip(range(number), arms, strict=False):
+        began_s, plan, failures = time.process_time(), None, list[str]()
+        for each in _shelf_cycles(manipulator, rng, to_bin=given.bins):
+            stopping.count = 0
+            plan = each.plan()
+            if plan.failure is None:
+                break
+            failures.append(str(plan.failure))
+        times.append(time.process_time() - began_s)
+        if plan is None or plan.failure is not None:
+            print(f"{k:3d} {manipulator.arm.side}: {' | '.join(failures)}", flush=True)
+            continue
+        certificate, world = verify(plan), World.from_state(plan.start, robot)
+        is_done = Simulation(world).execute(plan, certificate=certificate).is_success
+        good += certificate.is_valid and is_done
+        by_program += stopping.count == 0
+        durations.append(plan.motion_time_s)
+        print(
+            f"{k:3d} {plan.limb}: {plan.motion_time_s:.2f} s of motion, "
+            f"{1e3 * (plan.proven_clearance_m or 0.0):.1f} mm clear, "
+            f"{'certified' if certificate.is_valid else 'NOT CERTIFIED'}, "
+            f"{'executed' if is_done else 'NOT EXECUTED'}, {times[-1]:.2f} s of CPU"
+            f"{', by the search with stops' if stopping.count else ''}",
+            flush=True,
+        )
+    print(f"{good} of {number} certified and executed, {by_program} by one program")
+    print(f"motion: median {np.median(durations):.2f} s, at most {max(durations):.2f} s")
+    print(f"planning: median {np.median(times):.2f} s of CPU, at most {max(times):.2f} s")
+    return good == number
+
+
+class _Counter(logging.Handler):
+    """Counts messages."""
+
+    count = 0
+
+    def emit(self, record: logging.LogRecord) -> None:  # noqa: ARG002 - all are alike
+        """Count one."""
+        self.count += 1
+
+
+def _shelf_cycles(
+    manipulator: Manipulator, rng: np.random.Generator, *, to_bin: bool
+) -> list[Cycle]:
+    """One task, with the hand either way up."""
+    outward = 1.0 if manipulator.arm.side == "left" else -1.0
+    front, low = rng.uniform(0.74, 0.80), rng.uniform(0.0, 0.25)
+    y = outward * (rng.uniform(0.0, 0.15) if to_bin else rng.uniform(-0.05, 0.15))
+    depth, height, width = (
+        rng.uniform(0.10, 0.25),
+        rng.uniform(0.10, 0.18),
+        rng.uniform(0.03, 0.054),
+    )
+    item_y, table_y = y + rng.uniform(-0.04, 0.04), outward * rng.uniform(0.36, 0.42)
+    part = Part(Box((width, width, height)), pin.SE3.Identity())
+    at = np.array([front + depth, item_y, low + height / 2.0])
+    item = Body("item", (part,), pin.SE3(np.eye(3), at), is_movable=True)
+    shift = np.array([0.0, outward * (BIN_M[1] + BIN_WALL_M), 0.0])
+    bodies = [*_bin("bin", front, y, low), item]
+    bodies += _bin("other bin", front, y + shift[1], low) if to_bin else []
+    bodies += [] if to_bin else demo_bodies(manipulator.arm.side)[:1]
+    grip_m, out_m = max(min(height / 2.0, 0.09), 0.07), depth + 0.06
+    into, back = Line((1.0, 0.0, 0.0), out_m), Line("tool", out_m)
+    out = Line((0.0, 0.0, 1.0), LIFT_M), back
+    to_place = (into, Line((0.0, 0.0, -1.0), LIFT_M)) if to_bin else None
+    found = []
+    for flip in (1.0, -1.0):
+        R = LEVEL @ np.diag([flip, flip, 1.0])
+        pick = pin.SE3(R, np.array([front + depth, item_y, low + grip_m]))
+        turned = pin.utils.rotate("z", outward * 0.3) @ R
+        on_table = pin.SE3(turned, np.array([0.74, table_y, TABLE_Z_M + grip_m]))
+        task = PickAndPlace(
+            "item",
+            pick,
+            pin.SE3(R, pick.translation + shift) if to_bin else on_table,
+            approach=into,
+            retreat=out,
+            place_approach=to_place,
+            place_retreat=back if to_bin else Line("tool", 0.12),
+        )
+        found.append(Cycle(manipulator, Scene.of(bodies), manipulator.arm.start, task))
+    return found
+
+
+def _bin(name: str, front: float, y: float, low: float) -> list[Body]:
+    """Floor, roof and walls of a bin that is open towards the robot."""
+    (depth, width, height), wall = BIN_M, BIN_WALL_M
+    middle, beside = front + depth / 2.0, (width + wall) / 2.0
+    lid, side = (depth, width + 2.0 * wall, wall), (depth, wall, height)
+    return [
+        _boxed(f"{name}'s floor", lid, (middle, y, low - wall / 2.0)),
+        _boxed(f"{name}'s roof", lid, (middle, y, low + height + wall / 2.0)),
+        _boxed(
+            f"{name}'s back",
+            (wall, width, height),
+            (front + depth + wall / 2.0, y, low + height / 2.0),
+        ),
+        _boxed(f"{name}'s left wall", side, (middle, y + beside, low + height / 2.0)),
+        _boxed(f"{name}'s right wall", side, (middle, y - beside, low + height / 2.0)),
+    ]
+
+
+# Upright carries and moves
+
+WALL_HEIGHTS_M, OVER_WALL_M, EVERY = (0.10, 0.30), 0.24, 3
+"""Heights of walls, minimum distance of pick and place beside one, and which tasks have one."""
+
+DENSE = 1000
+"""Number of samples of a motion."""
+
+
+def upright(given: argparse.Namespace) -> bool:
+    """Plan tasks with and without, print a line for each; whether all with are right."""
+    robot, rng = Baxter.load(), np.random.default_rng(5 if given.seed is None else given.seed)
+    arms = cycle([Manipulator.of(robot, side) for side in ("left", "right")])
+    keep = Upright(max_tilt_rad=math.radians(given.degrees))
+    ratios, tilts, number, good = [], [], given.count or 60, 0
+    for k, manipulator in zip(range(number), arms, strict=False):
+        free = next(found for _ in count() if (found := _standing(manipulator, rng, k)) is not None)
+        plans = free.plan(), free._replace(task=evolve(free.task, upright=keep)).plan()
+        found = [(plan.motion_time_s, _tilt_deg(manipulator.arm, plan)) for plan in plans]
+        print(f"{k:3d} {manipulator.arm.side}{' wall' if k % EVERY == EVERY - 1 else ''}:", end=" ")
+        if plans[1].failure is not None:
+            print(plans[1].failure, flush=True)
+            continue
+        is_kept = found[1][1] <= given.degrees and verify(plans[1]).is_valid
+        good += is_kept
+        tilts.append(found[1][1])
+        ratios.append(found[1][0] / found[0][0])
+        (free_s, free_deg), (kept_s, kept_deg) = found
+        print(f"{free_s:.3f} s at {free_deg:.2f} deg, {kept_s:.3f} s at {kept_deg:.3f} deg", end="")
+        print("" if is_kept else ", NOT KEPT", flush=True)
+    middle, late, most = np.quantile(ratios, [0.5, 0.9, 1.0])
+    print(f"{good} of {number} planned, kept and certified; greatest tilt {max(tilts):.3f} deg")
+    print(f"time over without: median {middle:.4f}, nine of ten {late:.4f}, at most {most:.4f}")
+    return _upright_moves(robot, rng, given.degrees) and good == number
+
+
+def _standing(manipulator: Manipulator, rng: np.random.Generator, number: int) -> Cycle | None:
+    """A task with a standing cylinder, which has a plan; some beside a wall."""
+    outward, has_wall = 1.0 if manipulator.arm.side == "left" else -1.0, number % EVERY == EVERY - 1
+    x, y = rng.uniform(NEAREST_M, FARTHEST_M, 2), outward * rng.uniform(*OUTWARD_M, 2)
+    way = np.array([x[1] - x[0], y[1] - y[0]])
+    if np.linalg.norm(way) < (OVER_WALL_M if has_wall else MIN_APART_M):
+        return None
+    turns, wall_m = rng.uniform(-np.pi / 2.0, np.pi / 2.0, 2), rng.uniform(*WALL_HEIGHTS_M)
+    places = [
+        pin.SE3(pin.utils.rotate("z", a), np.array([b, c, TABLE_Z_M + SIZE_M / 2.0]))
+        for a, b, c in zip(turns, x, y, strict=True)
+    ]
+    down = pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
+    task = PickAndPlace("block", *(place * down for place in places))
+    part = Part(Cylinder(SIZE_M / 2.0, SIZE_M), pin.SE3.Identity())
+    bodies = [
+        demo_bodies(manipulator.arm.side)[0],
+        Body("block", (part,), places[0], is_movable=True),
+    ]
+    if has_wall:
+        R = pin.utils.rotate("z", math.atan2(way[1], way[0]))
+        at = np.array([x.mean(), y.mean(), TABLE_Z_M + wall_m / 2.0])
+        part = Part(Box((0.02, 0.30, wall_m)), pin.SE3.Identity())
+        bodies.append(Body("wall", (part,), pin.SE3(R, at)))
+    found = Cycle(manipulator, Scene.of(bodies), manipulator.arm.start, task)
+    return found if found.plan().is_valid else None
+
+
+def _tilt_deg(arm: Arm, plan: Plan) -> float:
+    """The greatest tilt of the z axis of what the hand holds."""
+    tilts = [0.0]
+    for move in plan.moves:
+        held = None if move.state is None else move.state.holding(arm.side)
+        if held is not None:
+            tilts.append(_greatest_deg(arm, move.trajectory, held.T_link_body.rotation[:, 2]))
+    return max(tilts)
+
+
+def _greatest_deg(arm: Arm, motion: Trajectory, axis_tip: FloatArray) -> float:
+    q = motion.sample(np.linspace(0.0, motion.duration, DENSE)).q
+    up = (arm.T_base_tips(q)[:, :3, :3] @ axis_tip)[:, 2]
+    return math.degrees(np.arccos(np.clip(up, -1.0, 1.0)).max())
+
+
+def _upright_moves(robot: Baxter, rng: np.random.Generator, degrees: float) -> bool:
+    """Free moves from a pose to the nearest solution of another; whether all are found and kept."""
+    down = pose_from_quaternion((0.0, 0.0, 0.0), OVERHEAD_XYZW).rotation
+    is_right = True
+    for name, R, turn in (("down", down, 1.0), ("level", LEVEL, 0.6)):
+        axis = R.T @ np.array([0.0, 0.0, 1.0])
+        keep, ratios, tilts = Upright(tuple(axis), math.radians(degrees)), [], []
+        for k in range(40):
+            side = ("left", "right")[k % 2]
+            manipulator = Manipulator.of(robot, side)
+            context, direct, ends = manipulator.context(Scene.of([])), None, list[FloatArray]()
+            while direct is None or not context.is_clear(direct):  # of the robot itself
+                ends = _nearest_ends(manipulator, context, R, turn, rng)
+                direct = plan_joint_move(*ends, manipulator.limits)
+            with suppress(FreeMoveError):
+                motion = plan_free_move(*ends, manipulator.limits, context, upright=keep)
+                ratios.append(motion.duration / direct.duration)
+                tilts.append(_greatest_deg(manipulator.arm, motion, axis))
+        middle, late = np.quantile(ratios, [0.5, 0.9])
+        print(
+            f"{len(ratios)} of 40 free moves, hand {name}: at most {max(tilts):.3f} deg; time over "
+            f"the direct move: median {middle:.4f}, nine of ten {late:.4f}"
+        )
+        is_right &= len(ratios) == 40 and max(tilts) <= degrees
+    return is_right
+
+
+def _nearest_ends(
+    manipulator: Manipulator,
+    context: CollisionContext,
+    R: FloatArray,
+    turn_rad: float,
+    rng: np.random.Generator,
+) -> list[FloatArray]:
+    """A free solution of one pose, and the nearest one of another."""
+    outward, ends = 1.0 if manipulator.arm.side == "left" else -1.0, list[FloatArray]()
+    while len(ends) < 2:
+        at = rng.uniform((0.55, -0.1, -0.1), (0.85, 0.55, 0.35)) * [1.0, outward, 1.0]
+        T = pin.SE3(pin.utils.rotate("z", turn_rad * rng.uniform(-1.0, 1.0)) @ R, at)
+        qs = [q for q in sample_solutions(manipulator.ik, T) if context.is_free(q)]
+        if ends:
+            qs.sort(key=lambda q: float(np.abs(q - ends[0]).max()))
+        ends += qs[:1]
+    return ends
 
 
 # Free moves
@@ -336,7 +602,7 @@ def _is_same(one: Trajectory | None, other: Trajectory | None) -> bool:
 # Straight moves
 
 
-class Line(NamedTuple):
+class StraightMove(NamedTuple):
     """A straight move of the tip, its limits and its speed at the start."""
 
     label: str
@@ -388,7 +654,7 @@ def lines(given: argparse.Namespace) -> bool:
     return True
 
 
-def optimum_s(line: Line, segments: int) -> float:
+def optimum_s(line: StraightMove, segments: int) -> float:
     """Minimum duration along the path of least norm."""
     joint_rates, joint_jerks = _rates(line)
     X, U, T = ca.MX.sym("X", 3, segments + 1), ca.MX.sym("U", 1, segments), ca.MX.sym("T")
@@ -419,7 +685,7 @@ def optimum_s(line: Line, segments: int) -> float:
     return float(solution["f"])
 
 
-def _rates(line: Line) -> tuple[ca.Function, ca.Function]:
+def _rates(line: StraightMove) -> tuple[ca.Function, ca.Function]:
     """Joint velocity and acceleration, and jerk, divided by their limits, as functions of s(t)."""
     x, jerk = ca.SX.sym("x", 3), ca.SX.sym("jerk")
     s, v, a = ca.vertsplit(x)
@@ -445,7 +711,7 @@ def _guess(segments: int) -> FloatArray:
     return np.concatenate([np.stack([s, v, a], axis=1).ravel(), np.diff(a) * segments, [1.0]])
 
 
-def _coefficients(line: Line) -> FloatArray:
+def _coefficients(line: StraightMove) -> FloatArray:
     """The path of least norm as Chebyshev polynomials in 2 s - 1, shape (DEGREE + 1, 7)."""
     s = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
     steps = np.unique(np.concatenate([s[1:], np.linspace(0.0, 1.0, MAX_STEPS + 1)[1:]]))
@@ -455,7 +721,7 @@ def _coefficients(line: Line) -> FloatArray:
     return np.asarray(np.linalg.solve(vandermonde, qs), dtype=np.float64)
 
 
-def _lines() -> Iterator[Line]:
+def _lines() -> Iterator[StraightMove]:
     robot = Baxter.load()
     ways = {
         "sideways 20 cm": ((0.0, -0.2, 0.0), (0.0, 0.0, 0.0)),
@@ -470,17 +736,17 @@ def _lines() -> Iterator[Line]:
             where = f"{arm.side} ({x:.2f}, {sign * y:.2f})"
             hover, goal = (_down(x, sign * y, height) for height in (z + DESCENT_M, z))
             q = ik.solve(hover, current=arm.start).q
-            yield Line(f"{where} descend", arm, q, goal, limits)
+            yield StraightMove(f"{where} descend", arm, q, goal, limits)
             q_down = plan_straight_move(arm, q, goal, limits).q_goal
-            yield Line(f"{where} retract", arm, q_down, hover, limits)
-            yield Line(f"{where} descend from 0.2 m/s", arm, q, goal, limits, 0.2)
-            yield Line(f"{where} descend, speed 0.2", arm, q, goal, limits.scaled(0.2))
+            yield StraightMove(f"{where} retract", arm, q_down, hover, limits)
+            yield StraightMove(f"{where} descend from 0.2 m/s", arm, q, goal, limits, 0.2)
+            yield StraightMove(f"{where} descend, speed 0.2", arm, q, goal, limits.scaled(0.2))
         start = _down(0.65, sign * 0.25, 0.05)
         q = ik.solve(start, current=arm.start).q
         for label, (shift, turn) in ways.items():
             R = pin.exp3(np.array(turn)) @ start.rotation
             goal = pin.SE3(R, start.translation + np.array(shift))
-            yield Line(f"{arm.side} {label}", arm, q, goal, limits)
+            yield StraightMove(f"{arm.side} {label}", arm, q, goal, limits)
 
 
 def _down(x: float, y: float, z: float) -> pin.SE3:
@@ -592,6 +858,8 @@ _RECORDED: dict[str, Callable[[Baxter, Arm, np.random.Generator], FloatArray]] =
 
 KINDS: dict[str, Callable[[argparse.Namespace], bool]] = {
     "cycles": cycles,
+    "shelves": shelves,
+    "upright": upright,
     "paths": paths,
     "lines": lines,
     "recordings": recordings,

@@ -92,9 +92,14 @@ def specimens_of(
         "space": (space, space.with_margin(0.001)),
         "path": (
             *PATHS,
-            planner.PathMove(planner.plan_joint_move(q, q + 0.1, arm.limits), (), [0.1]),
+            planner.PathMove(planner.plan_joint_move(q, q + 0.1, arm.limits), (), np.ones(1)),
         ),
-        "line": (planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)), planner.LineTolerance()),
+        "line": (
+            planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)),
+            planner.LineTolerance(),
+            planner.Line("tool", 0.1),
+            planner.Upright(),
+        ),
         "simulation": simulation,
         "outcome": outcome,
         "bench": (

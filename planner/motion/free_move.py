@@ -8,22 +8,27 @@ decides; it is called for every motion before it is returned.
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin import JointLimits
+from baxter_kin import Arm, IKService, JointLimits
 from baxter_kin.errors import MissingLibraryError
+from baxter_kin.frames import raised
+from baxter_kin.ik import sample_solutions
 from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, IsFree, looks_clear
 from planner.collision.obstacles import Obstacles
-from planner.errors import FreeMoveError, MotionError
+from planner.errors import FreeMoveError, MotionError, StraightMoveError
 from planner.motion.joint_move import (
     ROUNDING_RAD,
     checked_start,
@@ -31,9 +36,13 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.program.motion_program import MotionProgram, led_around
+from planner.motion.program.guess import bent_to, follow, guess_along
+from planner.motion.program.motion_program import MotionProgram, Motions, led_around
+from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.rrt import EDGE_STEP_RAD, search_corners
+from planner.motion.straight_line import StraightLine
+from planner.motion.upright import KNOT_SHARES, Upright, max_tilt_rad
 from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
@@ -57,6 +66,13 @@ motion is proven clear."""
 MAX_FASTER_SEARCHES = 2
 """Maximum number of searches for a faster motion, once one is proven clear."""
 
+BETWEEN = (0.25, 0.5, 0.75)
+"""Fractions of the tip's line at which an upright motion is guessed through sampled solutions."""
+
+RISES_M, STRIDE = (0.1, 0.2, 0.3, 0.4), 0.05
+"""Heights above start and goal over which an upright motion is tried; and the minimum step on the
+way up, as a fraction of it."""
+
 IsClear: TypeAlias = Callable[[Trajectory], bool]
 """Whether a whole motion is clear, also between samples."""
 
@@ -72,6 +88,7 @@ def plan_free_move(
     timeout_s: float = TIMEOUT_S,
     margin_m: float = DEFAULT_MARGIN_M,
     clip_start: bool = False,
+    upright: Upright | None = None,
 ) -> Trajectory:
     """A fast, collision-free motion from rest to rest, around obstacles if needed.
 
@@ -89,10 +106,12 @@ def plan_free_move(
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
+        upright: an axis of the tip that stays within a cone; samples of a motion are checked. No
+            paths are searched then, as hardly any random configuration is upright.
 
     Raises:
-        FreeMoveError: when start or goal collides, no path is found or proven, or OMPL would be
-            needed and is missing.
+        FreeMoveError: when start or goal collides or leans, no path is found or proven, or OMPL
+            would be needed and is missing.
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
         MotionError: when `limits`, `context`, `is_clear`, `rng`, `timeout_s` or `margin_m` is
@@ -107,6 +126,8 @@ def plan_free_move(
     if not callable(judge):
         raise MotionError(f"is_clear must be callable, got {type(judge).__name__}")
     margin_m = checked_margin_m(margin_m)
+    if upright is not None:
+        expect(upright, Upright, "upright", MotionError)
     start = checked_start(q_start, limits, clip_start=clip_start)
     ends = np.array([start, limits.check(q_goal, "q_goal", ROUNDING_RAD)])
     if ends.shape[1] != context.joints:
@@ -116,6 +137,8 @@ def plan_free_move(
             near = context.clearance(q).too_near(context.margin_m)
             raise FreeMoveError(f"{which} in collision: {near}")
     straight = plan_joint_move(ends[0], ends[1], limits)
+    if upright is not None:
+        return _upright_move(straight, context, judge, margin_m, upright)
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
     motion, refused = _Search(
@@ -129,6 +152,102 @@ def plan_free_move(
         f"the straight line is blocked, and no way around was found in {timeout_s:g} s; allow more "
         "time, or there is none"
     )
+
+
+def _upright_move(
+    straight: Trajectory,
+    context: CollisionContext,
+    is_clear: IsClear,
+    margin_m: float,
+    upright: Upright,
+) -> Trajectory:
+    """The fastest motion found that stays upright.
+
+    Raises FreeMoveError when none is found.
+    """
+    arm, limits, ends = context.checker.arm, straight.limits, straight.q[[0, -1]]
+    for which, q in zip(("start", "goal"), ends, strict=True):
+        tilt_rad = max_tilt_rad(arm, Trajectory.stay(q, limits), upright.axis)
+        if tilt_rad > upright.max_tilt_rad:
+            raise FreeMoveError(
+                f"{which} leans by {math.degrees(tilt_rad):.2f} deg, and at most "
+                f"{math.degrees(upright.max_tilt_rad):g} deg are allowed"
+            )
+
+    def is_kept(motion: Trajectory) -> bool:
+        return upright.is_kept_by(arm, motion) and is_clear(motion)
+
+    if is_kept(straight):
+        return straight
+    program, obstacles = _program(len(limits.names), keeps_upright=True), None
+    for share in KNOT_SHARES:
+        task = MotionTask(ends[0], q_goal=ends[1], tilt=upright.at_knots(share))
+
+        def solved(
+            sketches: Sequence[Sketch], near: Clearances | None, task: MotionTask = task
+        ) -> Motions | None:
+            return program.solve(sketches, task, arm, limits, near)
+
+        for sketch in _upright_sketches(arm, straight):
+            near = solved([sketch], None)
+            if near is not None and is_kept(near[0]):
+                return near[0]
+            obstacles = obstacles or context.obstacles(margin_m, ends)
+            for (motion,) in led_around(solved, [obstacles], [sketch]):
+                if is_kept(motion):
+                    return motion
+    raise FreeMoveError(
+        f"no motion was found that stays upright within {math.degrees(upright.max_tilt_rad):g} deg"
+    )
+
+
+def _upright_sketches(arm: Arm, straight: Trajectory) -> Iterator[Sketch]:
+    """Guesses, all but the first upright at several poses on the way.
+
+    The joint line; the tip's line, by least-norm steps and by the quickest solutions; and up,
+    across and down again.
+    """
+    yield Sketch.of(straight, INTERVALS)
+    limits, fractions = straight.limits, [0.25, 0.5, 0.75, 1.0]
+    tips = [arm.T_base_tip(q) for q in (straight.q_start, straight.q_goal)]
+    with suppress(StraightMoveError):  # half a turn
+        line = StraightLine(*tips)
+        sketch = guess_along(
+            *(arm, limits, straight.q_start, line, INTERVALS), ends_at_rest=True, min_stride=STRIDE
+        )
+        if isinstance(sketch, Sketch):
+            longest_s = max(sketch.duration_s, straight.duration)
+            yield bent_to(sketch, straight.q_goal, longest_s)
+        yield _through(_quickest(arm, straight, line), limits)
+    top_m = max(T.translation[2] for T in tips)
+    for rise_m in RISES_M:
+        ways = []
+        for q, T in zip((straight.q_start, straight.q_goal), tips, strict=True):
+            line = StraightLine(T, raised(T, top_m + rise_m - T.translation[2]))
+            ways.append([q, *follow(arm, limits, q, line, fractions, min_stride=STRIDE).qs])
+        up, down = ways
+        if len(up) == len(down) == 1 + len(fractions):
+            yield _through(np.array([*up, *down[::-1]]), limits)
+
+
+def _quickest(arm: Arm, straight: Trajectory, line: StraightLine) -> FloatArray:
+    """The quickest corners from start to goal through solutions of poses on a line of the tip.
+
+    By dynamic programming over samples of all solutions, shape (m, 7), rad.
+    """
+    ik, ends = IKService(arm), straight.q[[0, -1]]
+    sampled = (sample_solutions(ik, line.at(s)) for s in BETWEEN)
+    layers = [ends[:1], *(qs for qs in sampled if len(qs)), ends[1:]]
+    times, came_from = np.zeros(1), []
+    for before, after in pairwise(layers):
+        each = times[:, None] + rest_to_rest_s(after[None] - before[:, None], straight.limits)
+        came_from.append(each.argmin(axis=0))
+        times = each.min(axis=0)
+    corners, index = [layers[-1][0]], 0
+    for layer, choice in zip(layers[-2::-1], came_from[::-1], strict=True):
+        index = int(choice[index])
+        corners.append(layer[index])
+    return np.array(corners[::-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,8 +321,9 @@ class _Search:
 
 
 @cache
-def _program(joints: int) -> MotionProgram:
-    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], joints)
+def _program(joints: int, *, keeps_upright: bool = False) -> MotionProgram:
+    phase = Phase(INTERVALS, rests=True, at_goal=True, keeps_upright=keeps_upright)
+    return MotionProgram([phase], joints)
 
 
 def _through(corners: FloatArray, limits: JointLimits) -> Sketch:

@@ -1,7 +1,7 @@
 """Search for the shortest collision-free cycle of a pick and place.
 
 Pairs of IK solutions at pick and place are tried in the order of their expected durations; those
-that collide at rest are excluded. For the first few, the six motions are planned as one program
+that collide at rest are excluded. For the first few, all motions are planned as one program
 (`CycleProgram`), whose result hardly depends on the pair, and led around obstacles to sideways
 motion. Where that fails, a cycle is sought that stops above pick and place, with free moves in
 between. Failures exclude pairs: a line up or down excludes its solution and the neighbours of that,
@@ -11,17 +11,19 @@ whose result replaces it if it is clear and faster.
 
 from __future__ import annotations
 
+import logging
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from itertools import islice
 
 import numpy as np
-import pinocchio as pin
 
 from baxter_kin.fields import evolve
+from planner.motion.upright import Upright
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
-from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles
+from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles, tip_upright
 from planner.pick_place.phases import PhaseMaker, refuse_blocked_hand
 from planner.pick_place.plan_builder import (
     NoSolutionError,
@@ -30,11 +32,23 @@ from planner.pick_place.plan_builder import (
     proven,
     refuse_blocked,
 )
-from planner.pick_place.task import MOVES, SIDEWAYS, STAGES, PickAndPlace, PlanRequest
-from planner.plan import GripperAction, Plan, PlanFailure
+from planner.pick_place.task import (
+    CARRYING,
+    MOVES,
+    SIDEWAYS,
+    STAGES,
+    PickAndPlace,
+    PlanRequest,
+)
+from planner.plan import Claim, GripperAction, Plan, PlanFailure
+
+logger = logging.getLogger(__name__)
 
 MAX_OPTIMISED = 4
 """Maximum number of pairs whose cycles are planned as one program."""
+
+MAX_RANKED = 16
+"""Maximum number of pairs from which these are chosen where lines are not vertical."""
 
 MIN_DIFFERENCE_RAD = 0.4
 """Minimum difference of some joint between two of these pairs."""
@@ -75,6 +89,9 @@ class CycleSearch:
         """The plan of the shortest cycle found, or why there is none."""
         try:
             self._refuse_unreachable()
+            leaning = leaning_failure(self._request, self._task)
+            if leaning is not None:
+                raise NoSolutionError(leaning)
             self._make_phases()
             self._check_solutions()
             for plan in self._fastest():
@@ -84,6 +101,7 @@ class CycleSearch:
                 refuse_blocked_hand(self._task, self._contexts)
         except NoSolutionError as stop:
             return PlanBuilder(self._request).plan(stop.failure)
+        logger.info("no cycle by one program is clear; searching for one that stops between lines")
         for plan in self._stopping():
             if plan.failure is None:
                 return self._improved(plan)
@@ -93,17 +111,11 @@ class CycleSearch:
 
     def _refuse_unreachable(self) -> None:
         """Raise an error when a waypoint is unreachable."""
-        q, task = self._request.q_start, self._task
-        for label, T_base_tip in (
-            ("pick: approach", task.T_base_above_pick),
-            ("pick: descend", task.T_base_pick),
-            ("place: approach", task.T_base_above_place),
-            ("place: descend", task.T_base_place),
-            ("place: retract", task.T_base_end),
-        ):
-            ik = self._request.manipulator.ik.solve(T_base_tip, current=q)
+        q = self._request.q_start
+        for leg in self._task.waypoints:
+            ik = self._request.manipulator.ik.solve(leg.T_base_goal, current=q)
             if not ik.is_valid:
-                raise NoSolutionError(PlanFailure(label, str(ik.failure), ik, is_certain=True))
+                raise NoSolutionError(PlanFailure(leg.stage, str(ik.failure), ik, is_certain=True))
             q = ik.q
 
     def _make_phases(self) -> None:
@@ -140,12 +152,12 @@ class CycleSearch:
         """Cycles whose six motions are one program, from the first few pairs that differ.
 
         The first one that collides sideways is led around obstacles. Where each one collides on a
-        line, the first of these is. Failures exclude no pairs: the program moves away from its
-        initial solutions.
+        line, the first of these is, if lines are vertical: on others it rarely succeeds. Failures
+        exclude no pairs: the program moves away from its initial solutions.
         """
         tried: list[Cycle] = []
         on_a_line: Cycle | None = None
-        for pair in islice(self._different(), MAX_OPTIMISED):
+        for pair in self._promising():
             cycle = self._program.of(pair)
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
                 continue
@@ -160,22 +172,40 @@ class CycleSearch:
                 return
             if stage in MOVES:
                 on_a_line = on_a_line or cycle
-        if on_a_line is not None:
+        if on_a_line is not None and self._program.is_vertical:
             led = self._program.around(on_a_line, self._contexts, on_lines=True)
             yield from map(self._along, led)
 
+    def _promising(self) -> list[CandidatePair]:
+        """The first few pairs that differ; where lines are not vertical, the most promising.
+
+        Along lines into a bin the arm has little space: pairs whose guesses collide there come
+        last, and the others are ordered by the durations of their guesses.
+        """
+        if self._program.is_vertical:
+            return list(islice(self._different(), MAX_OPTIMISED))
+        pairs = list(islice(self._different(), MAX_RANKED))
+        pairs.sort(key=lambda pair: self._program.promise(pair, self._contexts))
+        return pairs[:MAX_OPTIMISED]
+
     def _different(self) -> Iterator[CandidatePair]:
-        """Open pairs in order, except for those close to an earlier one."""
+        """Open pairs in order, except for those close to an earlier one.
+
+        Where lines are not vertical, also except for those that cannot follow them.
+        """
         chosen: list[CandidatePair] = []
         open_ones = self._candidates.open_ones(self._picks, self._places)
         for pair in (self._candidates.pair(*each) for each in open_ones):
-            if all(np.abs(np.subtract(pair, other)).max() > MIN_DIFFERENCE_RAD for other in chosen):
+            is_new = all(
+                np.abs(np.subtract(pair, other)).max() > MIN_DIFFERENCE_RAD for other in chosen
+            )
+            if is_new and (self._program.is_vertical or self._program.can_follow(pair)):
                 chosen.append(pair)
                 yield pair
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, if it is shorter and proven; else the plan."""
-        cycle = Cycle(*(move.trajectory for move in plan.moves))
+        cycle = Cycle(self._task.legs, tuple(move.trajectory for move in plan.moves))
         for faster in self._faster(cycle):
             if faster.duration_s < plan.motion_time_s:
                 improved = self._along(faster)
@@ -212,14 +242,15 @@ class CycleSearch:
 
         Args:
             cycle: the motions.
-            proven_motions: those that are proven already, by stage.
+            proven_motions: those that are proven already, by label.
         """
         builder = PlanBuilder(self._request)
         try:
             motions = dict(proven_motions or {})
             for stage in PROVEN_FIRST:
-                if stage not in motions:
-                    motions[stage] = proven(stage, cycle.by_stage[stage], self._contexts[stage])
+                for label in (leg.label for leg in cycle.legs if leg.stage == stage):
+                    if label not in motions:
+                        motions[label] = proven(stage, cycle.by_label[label], self._contexts[label])
             self._add(cycle, builder, motions)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
@@ -229,22 +260,23 @@ class CycleSearch:
         self, cycle: Cycle, builder: PlanBuilder, proven_motions: Mapping[str, ProvenMotion]
     ) -> None:
         """Add every step; motions that are not proven yet are proven here."""
-        phases, task = self._phases, self._task
-
-        def move(label: str, T_base_tip: pin.SE3) -> None:
-            context, is_straight = self._contexts[label], label not in SIDEWAYS
-            motion = proven_motions.get(label) or proven(label, cycle.by_stage[label], context)
-            builder.add_move(label, motion, context, T_base_tip, is_straight=is_straight)
-
+        phases, task, motions = self._phases, self._task, cycle.by_label
+        grips = {
+            "pick: retract": ("pick: close", GripperAction.CLOSE, phases.closing, task.body),
+            "place: retract": ("place: open", GripperAction.OPEN, phases.releasing, task.body),
+        }
+        claims = () if task.upright is None else (upright_claim(task.upright),)
         builder.add_open("pick: open", phases.opening_m)
-        move("pick: approach", task.T_base_above_pick)
-        move("pick: descend", task.T_base_pick)
-        builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, task.body)
-        move("pick: retract", task.T_base_above_pick)
-        move("place: approach", task.T_base_above_place)
-        move("place: descend", task.T_base_place)
-        builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, task.body)
-        move("place: retract", task.T_base_end)
+        for leg in cycle.legs:
+            if leg.label in grips:
+                builder.add_grip(*grips[leg.label])
+            context, is_straight = self._contexts[leg.label], leg.ends is not None
+            motion = proven_motions.get(leg.label) or proven(leg.stage, motions[leg.label], context)
+            builder.add_move(
+                *(leg.label, motion, context, leg.T_base_goal),
+                is_straight=is_straight,
+                claims=claims if leg.stage in CARRYING else (),
+            )
 
     def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
         """The incomplete plan, recorded as a miss."""
@@ -263,6 +295,30 @@ class CycleSearch:
         reason = f"{nearest.reason} ({'; '.join(parts)})"
         failure = evolve(nearest, reason=reason, tried=failures, tallies=tallies)
         return evolve(best, failure=failure)
+
+
+def leaning_failure(request: PlanRequest, task: PickAndPlace) -> PlanFailure | None:
+    """The failure if the body leans too far where it is picked or placed."""
+    upright = tip_upright(request, task)
+    if upright is None:
+        return None
+    for stage, T in (("pick: close", task.T_base_pick), ("place: descend", task.T_base_place)):
+        up = float(T.rotation[2] @ np.array(upright.axis))
+        tilt_rad = math.acos(min(1.0, max(-1.0, up)))
+        if tilt_rad > upright.max_tilt_rad:
+            reason = (
+                f"{task.body} leans by {math.degrees(tilt_rad):.2f} deg there, and at most "
+                f"{math.degrees(upright.max_tilt_rad):g} deg are allowed"
+            )
+            return PlanFailure(stage, reason, is_certain=True)
+    return None
+
+
+def upright_claim(upright: Upright) -> Claim:
+    """What a plan states of a move that carries a body upright."""
+    x, y, z = upright.axis
+    values = {"axis_x": x, "axis_y": y, "axis_z": z, "max_tilt_rad": upright.max_tilt_rad}
+    return Claim("upright", values)
 
 
 def _nearness(failure: PlanFailure) -> tuple[int, float]:

@@ -34,15 +34,16 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.frames import raised
+from baxter_kin.fields import FrozenMapping
 from planner.clearance import Clearance, ContinuousContact
 from planner.collision.context import CollisionContext
 from planner.collision.distances import ACCURACY_M, RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
+from planner.motion.straight_line import StraightLine
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.task import PICK_LINES, Leg, PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure
 from planner.scene.bodies import Attachment, Body, Scene
 from planner.scene.contact import (
@@ -54,6 +55,16 @@ from planner.scene.contact import (
 )
 from planner.scene.faces import UP
 from planner.scene.support import MAX_TILT_RAD, Landing, fall_straight, settle
+
+AWAY: Mapping[str, str] = FrozenMapping(
+    {
+        "pick: descend": "pick: approach",
+        "pick: retract": "place: approach",
+        "place: descend": "place: approach",
+    }
+)
+"""The stage whose context is that of lines which do not touch the pick or place; after the place,
+the open hand keeps clear of everything."""
 
 MAX_DROP_M = 0.01
 """Maximum height above its support from which a body may be released."""
@@ -79,7 +90,7 @@ class Phases:
         opening_m: finger position with which the hand approaches the body.
         closing: the fingers' travel at the pick.
         releasing: the fingers' travel at the place.
-        contexts: the collision context of every move, by its label.
+        contexts: the collision context of every leg, by its label.
         refusals: why the task is impossible although each pose is free: the fingers are blocked at
             any opening, or the body would fall.
         taken: failure if another body stands at the place.
@@ -124,16 +135,24 @@ class PhaseMaker:
         landing, no_rest = self._landing(body, grasp)
         after = self.request.scene.without(self.task.body).with_body(landing.body)
         leaving_m, releasing, blocked_opening = self._at_place(body, grasp, landing)
+        contexts = {
+            "pick: approach": self._context(self.request.scene, finger_m=opening_m),
+            "pick: descend": self.reaching(opening_m),
+            **carried,
+            "place: retract": self._near(after, leaving_m, task.T_base_place),
+        }
+        for leg in task.legs:
+            if leg.label not in contexts:
+                contexts[leg.label] = (
+                    contexts[AWAY[leg.stage]]
+                    if leg.stage in AWAY
+                    else self._context(after, finger_m=leaving_m)
+                )
         return Phases(
             opening_m,
             closing,
             releasing,
-            {
-                "pick: approach": self._context(self.request.scene, finger_m=opening_m),
-                "pick: descend": self.reaching(opening_m),
-                **carried,
-                "place: retract": self._near(after, leaving_m, task.T_base_place),
-            },
+            contexts,
             (*blocked_closing, *no_rest, *blocked_opening),
             self._taken(body, grasp),
         )
@@ -335,33 +354,30 @@ def _min_width_m(body: Body) -> float:
 
 def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionContext]) -> None:
     """Raise NoSolutionError when the hand cannot move along a line; names stage and height."""
-    pick, place = task.T_base_pick, task.T_base_place
-    for label, T_base_tip, rise_m in (
-        ("pick: descend", pick, task.lift_m),
-        ("pick: retract", pick, task.lift_m),
-        ("place: descend", place, task.lift_m),
-        ("place: retract", place, task.hover_m),
-    ):
-        _refuse_blocked_line(label, contexts[label], T_base_tip, rise_m)
+    for leg in task.legs:
+        if leg.line is not None:
+            T_base_tip = task.T_base_pick if leg.stage in PICK_LINES else task.T_base_place
+            _refuse_blocked_line(leg, leg.line, contexts[leg.label], T_base_tip)
 
 
 def _refuse_blocked_line(
-    label: str, context: CollisionContext, T_base_tip: pin.SE3, rise_m: float
+    leg: Leg, line: StraightLine, context: CollisionContext, T_base_pose: pin.SE3
 ) -> None:
-    heights_m = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M)))
-    contacts = _contacts(context, [raised(T_base_tip, height) for height in heights_m.tolist()])
+    fractions = np.linspace(0.0, 1.0, 1 + int(np.ceil(line.length_m / STEP_M)))
+    contacts = _contacts(context, [line.at(s) for s in fractions.tolist()])
     if not contacts:
         return
     near, needed_m, sample = min(contacts, key=lambda each: each[0].distance_m)
-    height_m = float(heights_m[sample])
-    where = "at the pose" if height_m == 0.0 else f"{1e3 * height_m:.0f} mm above the pose"
-    reason = f"for every IK solution, {near.text} {where}"
+    T_base_tip = line.at(float(fractions[sample]))
+    away_m = float(np.linalg.norm(T_base_tip.translation - T_base_pose.translation))
+    away = f"{1e3 * away_m:.0f} mm {'above' if leg.is_vertical else 'away from'} the pose"
+    reason = f"for every IK solution, {near.text} {away if away_m > 0.0 else 'at the pose'}"
     if near.distance_m > 0.0:
         reason += f", and {1e3 * context.margin_m:.1f} mm are required"
     contact = ContinuousContact(
-        near, needed_m, duration_s=0.0, intervals=0, evaluations=len(heights_m)
+        near, needed_m, duration_s=0.0, intervals=0, evaluations=len(fractions)
     )
-    raise NoSolutionError(PlanFailure(label, reason, is_certain=True, contact=contact))
+    raise NoSolutionError(PlanFailure(leg.stage, reason, is_certain=True, contact=contact))
 
 
 def _contacts(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import pinocchio as pin
 
 from baxter_kin.fields import evolve
-from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
@@ -18,8 +17,9 @@ from planner.grasping.finger_travel import FingerTravel, prove_travel
 from planner.manipulator import Manipulator
 from planner.motion.free_move import DEFAULT_MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
-from planner.pick_place.task import PlanRequest
-from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
+from planner.motion.upright import Upright
+from planner.pick_place.task import Line, PlanRequest, numbered, retreat_poses
+from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.state import State
 from planner.trajectory import Trajectory
 
@@ -75,6 +75,7 @@ class PlanBuilder:
         T_base_tip: pin.SE3 | None = None,
         *,
         is_straight: bool = False,
+        claims: tuple[Claim, ...] = (),
     ) -> None:
         """Add a move.
 
@@ -84,6 +85,7 @@ class PlanBuilder:
             context: the collision context of the move.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
             is_straight: whether the tip moves along a straight line.
+            claims: further properties.
         """
         (trajectory, proof), ik = motion, None
         if T_base_tip is not None:
@@ -100,6 +102,7 @@ class PlanBuilder:
                 is_straight=is_straight,
                 state=self._state,
                 contacts=contacts,
+                claims=claims,
             )
         )
 
@@ -113,22 +116,22 @@ class PlanBuilder:
         motion = free_motion(label, (self.q, q_goal), self._manipulator, context)
         self.add_move(label, motion, context)
 
-    def add_rise(self, label: str, height_m: float, context: CollisionContext) -> None:
-        """Add a straight move up from the current pose.
+    def add_retreat(self, stage: str, lines: Sequence[Line], context: CollisionContext) -> None:
+        """Add straight moves along successive lines, from rest to rest.
 
         Raises NoSolutionError when there is none, or it is not proven clear.
         """
-        refuse_blocked(label, self.q, context, "at its start")
+        refuse_blocked(stage, self.q, context, "at its start")
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        T_base_goal = raised(arm.T_base_tip(self.q), height_m)
-        try:
-            trajectory = plan_straight_move(
-                arm, self.q, T_base_goal, limits, line_tolerance=self._request.line_tolerance
-            )
-        except MotionError as cause:
-            raise NoSolutionError.at(label, str(cause)) from cause
-        motion = proven(label, trajectory, context)
-        self.add_move(label, motion, context, T_base_goal, is_straight=True)
+        for k, T_base_goal in enumerate(retreat_poses(arm.T_base_tip(self.q), lines)[1:]):
+            try:
+                trajectory = plan_straight_move(
+                    arm, self.q, T_base_goal, limits, line_tolerance=self._request.line_tolerance
+                )
+            except MotionError as cause:
+                raise NoSolutionError.at(stage, str(cause)) from cause
+            motion = proven(stage, trajectory, context)
+            self.add_move(numbered(stage, k), motion, context, T_base_goal, is_straight=True)
 
     def add_grip(
         self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str | None
@@ -196,6 +199,8 @@ def free_motion(
     manipulator: Manipulator,
     context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
+    *,
+    upright: Upright | None = None,
 ) -> ProvenMotion:
     """A motion between two configurations around obstacles, proven clear.
 
@@ -220,6 +225,7 @@ def free_motion(
             is_clear,
             timeout_s=timeout_s,
             margin_m=context.margin_m + DEFAULT_MARGIN_M,
+            upright=upright,
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause

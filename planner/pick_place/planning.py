@@ -5,11 +5,12 @@ pick    open - approach - descend - close - retract
 place   approach - descend - open - retract
 ```
 
-The tip descends to a pose and rises from it along a straight line, and moves sideways only
-`clear_m` above it and higher, without a stop in between. On the way between both poses, at the
-knots of the motion, it is above the lower of these two heights. It stops to grasp, to release, and
-`hover_m` above the place, where the cycle ends. While a body is carried sideways it may touch
-nothing, including its supports. Each move is proven free of collision at every instant
+The tip descends to a pose and retracts from it along straight lines, and moves freely only beyond
+them, without a stop in between. By default the lines are vertical: it moves sideways only `clear_m`
+above a pose and higher, and, at the knots of the motion between both poses, it is above the lower
+of these two heights. It stops to grasp, to release, `hover_m` above the place, where the cycle
+ends, and between the lines of a retreat that has several. Beyond the line that leads away from its
+support, a carried body may touch nothing. Each move is proven free of collision at every instant
 (`planner.collision.proof`). The motions of a cycle are one nonlinear program, and are
 together as fast as limits and lines allow (`planner.motion`); where they collide, they are led
 around obstacles, and where that fails, other pairs of IK solutions are tried, with a stop above
@@ -33,13 +34,25 @@ from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
 from planner.motion.response import Response
 from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
-from planner.pick_place.cycle_search import CycleSearch
+from planner.motion.upright import Upright
+from planner.pick_place.cycle_search import CycleSearch, leaning_failure
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
-from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
+from planner.pick_place.task import (
+    UP,
+    Line,
+    Lines,
+    PickAndPlace,
+    PlanRequest,
+    checked_height_m,
+    checked_lines,
+)
 from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
 from planner.scene.bodies import Attachment, Scene
 from planner.state import State
+
+WIDER = (2.0, 4.0)
+"""How many times wider cones are tried where no upright plan is found."""
 
 
 def plan_pick_and_place(
@@ -110,10 +123,37 @@ def plan_pick_and_place(
         if holding.body == task.body:
             reason = f"{task.body} is in the {holding.side} hand"
             return PlanBuilder(request).plan(PlanFailure("pick: close", reason, is_certain=True))
-    plan = CycleSearch(request, task).shortest()
+    plan = _planned(request, task)
     if response is None:
         return plan
     return planned_for(plan, response, request.manipulator, margin_m=request.margin_m)
+
+
+def _planned(request: PlanRequest, task: PickAndPlace) -> Plan:
+    """The plan of a checked task; without its upright axis where that need not be kept."""
+    plan, upright = CycleSearch(request, task).shortest(), task.upright
+    if upright is None or plan.failure is None:
+        return plan
+    is_other = plan.failure.is_certain and leaning_failure(request, task) is None
+    if not upright.is_required and not is_other:
+        return CycleSearch(request, evolve(task, upright=None)).shortest()
+    if plan.failure.is_certain:
+        return plan
+    return evolve(plan, failure=_with_wider_cone(request, task, upright, plan.failure))
+
+
+def _with_wider_cone(
+    request: PlanRequest, task: PickAndPlace, upright: Upright, failure: PlanFailure
+) -> PlanFailure:
+    """The failure of a task that keeps a body upright, with a cone in which a plan is found."""
+    none_found = f"none found at {math.degrees(upright.max_tilt_rad):g} deg"
+    for times in WIDER:
+        wide_rad = min(times * upright.max_tilt_rad, math.pi)
+        wider = evolve(task, upright=Upright(upright.axis, wide_rad))
+        if CycleSearch(request, wider).shortest().is_valid:
+            none_found += f"; {math.degrees(wide_rad):g} deg would do"
+            break
+    return evolve(failure, reason=f"{none_found}: {failure.reason}")
 
 
 def plan_start_move(
@@ -183,8 +223,9 @@ def plan_retract(
     held: Sequence[Attachment] = (),
     line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
     clip_start: bool = False,
+    retreat: Lines = (),
 ) -> Plan:
-    """Open the fingers, and rise straight up from the current pose.
+    """Open the fingers, and rise straight up from the current pose, or retreat along other lines.
 
     For example after a missed grasp: leave the missed body out of the scene, as its pose is
     unknown.
@@ -193,7 +234,7 @@ def plan_retract(
         manipulator: the arm and its hand, which is empty.
         scene: all bodies that must not be touched.
         q_now: current configuration of the arm, shape (7,), rad.
-        height_m: height of the rise, above zero.
+        height_m: height of the rise, above zero; not given with `retreat`.
         state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
             manipulator's `q_others`.
         margin_m: distance that is proven to be kept from everything, except between links up to two
@@ -204,13 +245,15 @@ def plan_retract(
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
+        retreat: one line or several, in place of the rise.
 
     Returns:
-        A plan; when the rise is impossible, an invalid one that says why.
+        A plan; when the retreat is impossible, an invalid one that says why.
 
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
-        TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`.
+        TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`, both
+            it and `retreat` are given, or that is not of type `Line`.
         MotionError: when the margin is not a number, or negative, or a tolerance has the wrong
             type.
     """
@@ -225,7 +268,11 @@ def plan_retract(
         q_name="q_now",
         clip_start=clip_start,
     )
-    rise_m = checked_height_m(height_m, "height_m", TaskError)
+    lines = checked_lines(retreat)
+    if not lines:
+        lines = (Line(UP, checked_height_m(height_m, "height_m", TaskError)),)
+    elif not math.isnan(height_m):
+        raise TaskError("give either height_m or retreat=, not both")
     opening_m = request.manipulator.hand.stroke_m
 
     def add_steps(builder: PlanBuilder) -> None:
@@ -233,7 +280,7 @@ def plan_retract(
         context = request.manipulator.context(
             request.scene, finger_m=opening_m, margin_m=request.margin_m
         )
-        builder.add_rise("retract", rise_m, context)
+        builder.add_retreat("retract", lines, context)
 
     return _built(request, add_steps)
 

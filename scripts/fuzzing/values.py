@@ -355,6 +355,12 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "candidates": _made_by(lambda: [np.array(one("q"))]),
         "of_task.task": _of("Task"),
         "task": _of("PickAndPlace"),
+        "plan_retract.retreat": _given(()),
+        **dict.fromkeys(
+            ("approach", "retreat", "place_approach", "place_retreat"),
+            _made_by(lambda: p.Line("tool", 0.05)),
+        ),
+        "direction": _given((0.0, 0.0, 1.0)),
         "TaskResult.task": _given("a task"),
         "starts": _made_by(lambda: {ik.SeedType.USER: 3}),
         "tolerance": _given(0.01),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ import pinocchio as pin
 
 from baxter_kin.command_line import log_shown
 from baxter_kin.errors import BaxterError
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.robot import Baxter
 from baxter_kin.validation import FloatArray
 from planner import (
@@ -22,11 +24,14 @@ from planner import (
     PickAndPlace,
     Plan,
     Scene,
+    Upright,
     plan_pick_and_place,
     plan_start_move,
     save_plan,
+    tilt_of,
     transfer_bound_s,
 )
+from planner.motion.upright import DEFAULT_TILT_RAD
 from sim import (
     ClosedLoop,
     Noise,
@@ -221,8 +226,10 @@ class _Demo:
         return Transfer(BLOCK, self._T_block_tip, goal, task.hover_m, task.clear_m)
 
     def _planned_cycle(self, task: PickAndPlace, scene: Scene, q_start: FloatArray) -> Plan:
-        """The plan of a cycle; the first one is saved."""
+        """The plan of a cycle, upright if one is found; the first one is saved."""
         options = self._options
+        upright = Upright.of(scene[task.body], DEFAULT_TILT_RAD, is_required=False)
+        task = evolve(task, upright=upright)
         plan = self._planned(
             lambda: plan_pick_and_place(
                 task,
@@ -233,6 +240,10 @@ class _Demo:
                 line_tolerance=LineTolerance(*options.line_tolerance),
             )
         )
+        tilt_rad = tilt_of(plan, manipulator=self._manipulator) if plan.is_valid else 0.0
+        if tilt_rad > DEFAULT_TILT_RAD:
+            deg = math.degrees(tilt_rad)
+            self._report.say(f"  no upright motion was found: {BLOCK} leans by up to {deg:.0f} deg")
         if options.plan is not None and not self._is_plan_saved:
             save_plan(plan, options.plan)
             self._is_plan_saved = True

@@ -27,6 +27,7 @@ from planner import (
     Body,
     Grip,
     GripperAction,
+    Line,
     Manipulator,
     PickAndPlace,
     Plan,
@@ -36,7 +37,15 @@ from planner import (
 )
 from planner.completion import state_of
 from planner.grasping import Grasp, Miss
-from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, checked_height_m
+from planner.pick_place.task import (
+    DEFAULT_CLEAR_M,
+    DEFAULT_HOVER_M,
+    DOWN,
+    Lines,
+    back_along,
+    checked_height_m,
+    checked_lines,
+)
 from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, checked_source
 from sim.simulation import Simulation
@@ -81,9 +90,14 @@ class Transfer:
         T_base_goal: pose of the body in base when the fingers open.
         hover_m: height above the place at which the arm ends.
         clear_m: height above pick and place from which the arm may move sideways.
+        approach: lines to the pick, as of `PickAndPlace`; likewise the next three.
+        retreat: lines away from the pick.
+        place_approach: lines to the place.
+        place_retreat: lines away from the place.
 
     Raises:
         SimulationError: when `body` is not text, or a height is not a positive number.
+        TaskError: when lines are not of type `Line`.
         PoseError: when a pose is not valid.
     """
 
@@ -92,6 +106,10 @@ class Transfer:
     T_base_goal: pin.SE3 = field(converter=checked_pose)
     hover_m: float = DEFAULT_HOVER_M
     clear_m: float = DEFAULT_CLEAR_M
+    approach: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    place_approach: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    place_retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         for name in ("hover_m", "clear_m"):
@@ -246,7 +264,17 @@ class ClosedLoop(OneLine):
             else transfer.T_body_tip.inverse()
         )
         T_base_place = transfer.T_base_goal * T_tip_body.inverse()
-        task = PickAndPlace(name, T_base_pick, T_base_place, transfer.hover_m, transfer.clear_m)
+        task = PickAndPlace(
+            name,
+            T_base_pick,
+            T_base_place,
+            transfer.hover_m,
+            transfer.clear_m,
+            approach=transfer.approach,
+            retreat=transfer.retreat,
+            place_approach=transfer.place_approach,
+            place_retreat=transfer.place_retreat,
+        )
         plan = self._plan(task, self._manipulator, scene, world.arm_q(self._side))
         if plan.failure is not None:
             return Attempt(seen, plan, str(plan.failure)), _Failure.NO_PLAN
@@ -273,12 +301,13 @@ class ClosedLoop(OneLine):
         return apart if failure is None else f"{failure}; {apart}"
 
     def _rise(self, transfer: Transfer, title: str) -> None:
-        """Open the hand and rise from a missed body, unless no valid plan is found."""
+        """Open the hand and leave a missed body as it was approached, if a valid plan is found."""
         world = self._simulation.world
         scene = Scene.of(body for body in world.scene if body.name != transfer.body)
         q = world.arm_q(self._side)
         held = tuple(each for each in world.held if each.side != self._side)
-        plan = plan_retract(self._manipulator, scene, q, transfer.clear_m, held=held)
+        back = back_along(checked_lines(transfer.approach) or [Line(DOWN, transfer.clear_m)])
+        plan = plan_retract(self._manipulator, scene, q, held=held, retreat=back)
         if plan.is_valid:
             self._simulation.execute(plan, f"{title}again, ", unverified=True)
 

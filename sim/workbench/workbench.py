@@ -14,6 +14,7 @@ block ended.
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -27,7 +28,7 @@ from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.robot import given_or_stock
-from baxter_kin.validation import expect, expect_all, positive_scalar
+from baxter_kin.validation import expect, expect_all, finite_scalar, positive_scalar
 from planner import (
     Body,
     Cylinder,
@@ -35,13 +36,16 @@ from planner import (
     Part,
     PickAndPlace,
     Plan,
+    Upright,
     make_block,
     overhead_grasp,
     plan_pick_and_place,
     plan_start_move,
+    tilt_of,
     verify,
 )
-from planner.errors import SceneError
+from planner.errors import MotionError, SceneError
+from planner.motion.upright import DEFAULT_TILT_RAD
 from planner.scene.contact import depth_m
 from planner.scene.objects import resolve_colour
 from planner.scene.support import lifted_out
@@ -262,17 +266,22 @@ class Workbench(OneLine):
         to: tuple[float, float] | PoseLike | None = None,
         onto: str | None = None,
         arm: str | None = None,
+        upright_deg: float | None = None,
     ) -> TaskResult:
         """Bring a block somewhere, grasped from above.
 
         Where only the other arm is in the way, and its hand is empty, it withdraws first, as by
         `withdraw`; the verdict of the result says so.
 
+        On its way the block leans by at most 10 deg from how it stands, if a plan is found; if not,
+        the verdict says by how much it leans.
+
         Args:
             block: its name.
             to: the place: x and y in base, m, on the table, straight; or its pose seen from base.
             onto: instead of `to`, the name of a block whose middle it is to stand on.
             arm: "left" or "right"; when not given, the one that needs the least motion.
+            upright_deg: by how much the block may lean; where no plan is found, it is not carried.
 
         Returns:
             The result; where it cannot be done, with the reason.
@@ -280,13 +289,15 @@ class Workbench(OneLine):
         Raises:
             SceneError: when there is no such block, it cannot be carried, or the place is invalid.
             SimulationError: when not one of `to` and `onto` is given, or the arm has no fingers.
+            MotionError: when `upright_deg` is not a number from 0.06 to 180.
         """
         body = self._movable(block)
         T_base_goal = tabletop.goal(self.world, body, to, onto)
         sides = tuple(self._arms) if arm is None else (self._side(arm),)
+        upright = _upright(body, upright_deg)
         reason = self._hindrance(body, T_base_goal)
         refused = TaskResult.refused(body.name, reason) if reason else None
-        result = refused or self._carried(body, T_base_goal, sides)
+        result = refused or self._carried(body, T_base_goal, sides, upright)
         self.tasks.append(result)
         return result
 
@@ -314,7 +325,7 @@ class Workbench(OneLine):
     def plan(self, side: str, block: str, T_base_goal: PoseLike) -> Plan:
         """Plan how an arm brings a block to a pose, grasped from above; nothing moves."""
         body = self._movable(block)
-        return self._planned(self.arm(side), body, checked_pose(T_base_goal))
+        return self._planned(self.arm(side), body, checked_pose(T_base_goal), _upright(body, None))
 
     def execute(self, plan: Plan, title: str = "") -> tuple[str, bool]:
         """Verify a plan, then execute it.
@@ -383,19 +394,23 @@ class Workbench(OneLine):
             )
         self.simulation.spawn(raised_body)
 
-    def _planned(self, arm: Manipulator, body: Body, T_base_goal: pin.SE3) -> Plan:
+    def _planned(
+        self, arm: Manipulator, body: Body, T_base_goal: pin.SE3, upright: Upright
+    ) -> Plan:
         others = [other for other in self.world.scene if other.name != body.name]
         T_pick_goal = body.T_base_body * T_base_goal.inverse()  # moves the goal's neighbours there
         at_goal = [other.at(T_pick_goal * other.T_base_body) for other in others]
         pick = overhead_grasp(arm.hand, body, neighbours=[*others, *at_goal])
         place = T_base_goal * body.T_base_body.inverse() * pick
-        task = PickAndPlace(body.name, pick, place)
+        task = PickAndPlace(body.name, pick, place, upright=upright)
         q_start = self.world.arm_q(arm.arm.side)
         return plan_pick_and_place(task, arm, self.world.scene, q_start, held=self.world.held)
 
-    def _carried(self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...]) -> TaskResult:
+    def _carried(
+        self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...], upright: Upright
+    ) -> TaskResult:
         began = time.perf_counter()
-        plans = [self._planned(self.arm(side), body, T_base_goal) for side in sides]
+        plans = [self._planned(self.arm(side), body, T_base_goal, upright) for side in sides]
         plan = min(plans, key=_preference)
         if plan.is_valid:
             return self._executed(plan, body, T_base_goal, time.perf_counter() - began)
@@ -403,11 +418,11 @@ class Workbench(OneLine):
         for each in plans:
             reason, idle = f"{each.limb} arm, {each.failure}", self._idle_arm_in_way(each)
             if idle is not None:
-                alone = self._planned(self._without(idle, each.limb), body, T_base_goal)
+                alone = self._planned(self._without(idle, each.limb), body, T_base_goal, upright)
                 if alone.is_valid:
                     planning_s = time.perf_counter() - began
                     return self._carried_after_withdrawal(
-                        idle, each.limb, body, T_base_goal, planning_s
+                        (idle, each.limb), body, T_base_goal, upright, planning_s
                     )
                 reason += f"; with the {idle} arm withdrawn, {alone.failure}"
             reasons.append(reason)
@@ -415,14 +430,20 @@ class Workbench(OneLine):
         return TaskResult.refused(body.name, "; ".join(reasons), planning_s, plan)
 
     def _carried_after_withdrawal(
-        self, idle: str, side: str, body: Body, T_base_goal: pin.SE3, planning_s: float
+        self,
+        arms: tuple[str, str],
+        body: Body,
+        T_base_goal: pin.SE3,
+        upright: Upright,
+        planning_s: float,
     ) -> TaskResult:
         """Withdraw an idle arm, then carry with the other."""
+        idle, side = arms
         withdrawn = self.withdraw(idle)
         if not withdrawn.is_done:
             reason = f"the {idle} arm is in the way and cannot withdraw, {withdrawn.verdict}"
             return TaskResult.refused(body.name, reason, planning_s, withdrawn.plan)
-        result = self._carried(body, T_base_goal, (side,))
+        result = self._carried(body, T_base_goal, (side,), upright)
         return evolve(
             result,
             motion_s=withdrawn.motion_s + result.motion_s,
@@ -438,6 +459,9 @@ class Workbench(OneLine):
         off_m = self._off_m(body.name, T_base_goal)
         if is_done and off_m > PLACED_WITHIN_M:
             verdict, is_done = f"it ended {1e3 * off_m:.1f} mm from its place", False
+        tilt_rad = tilt_of(plan, manipulator=self._arms[plan.limb])
+        if tilt_rad > DEFAULT_TILT_RAD:
+            verdict += f"; it leant by up to {math.degrees(tilt_rad):.0f} deg"
         task, motion_s = f"carry {body.name}", plan.motion_time_s
         return TaskResult(
             task, body.name, plan.limb, motion_s, planning_s, off_m, verdict, is_done, plan
@@ -504,3 +528,10 @@ class Workbench(OneLine):
 
 def _preference(plan: Plan) -> tuple[bool, float]:
     return not plan.is_valid, plan.motion_time_s
+
+
+def _upright(body: Body, max_deg: float | None) -> Upright:
+    """What is required of a block on its way, or preferred where nothing is."""
+    if max_deg is None:
+        return Upright.of(body, DEFAULT_TILT_RAD, is_required=False)
+    return Upright.of(body, math.radians(finite_scalar(max_deg, "upright_deg", MotionError)))

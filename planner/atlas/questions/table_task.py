@@ -6,19 +6,39 @@ jobs may be done by either.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import pinocchio as pin
 
 from baxter_kin.display import count, phrase, position
-from baxter_kin.fields import field, frozen, sequence
+from baxter_kin.fields import FrozenMapping, field, frozen, sequence
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import expect
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
-from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, PickAndPlace
+from planner.pick_place.task import (
+    DEFAULT_CLEAR_M,
+    DEFAULT_HOVER_M,
+    Line,
+    Lines,
+    PickAndPlace,
+    checked_lines,
+)
 from planner.scene.bodies import Body, Scene
+
+NAMES: Mapping[str, str] = FrozenMapping(
+    {
+        "pick: approach": "before the pick",
+        "pick: descend": "pick",
+        "pick: retract": "after the pick",
+        "place: approach": "before the place",
+        "place: descend": "place",
+        "place: retract": "end",
+    }
+)
+"""Names of the poses at the ends of a transfer's motions; others are called as their moves are."""
 
 
 @frozen(error=TaskError)
@@ -31,6 +51,10 @@ class TableTransfer:
         T_table_place: pose of the tip when they open again.
         hover_m: as of `PickAndPlace`.
         clear_m: as of `PickAndPlace`.
+        approach: as of `PickAndPlace`, seen from the table; likewise the next three.
+        retreat: likewise.
+        place_approach: likewise.
+        place_retreat: likewise.
 
     Raises:
         TaskError: as `PickAndPlace`.
@@ -42,6 +66,10 @@ class TableTransfer:
     T_table_place: pin.SE3 = field(converter=checked_pose)
     hover_m: float = DEFAULT_HOVER_M
     clear_m: float = DEFAULT_CLEAR_M
+    approach: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    place_approach: Lines = field(default=(), converter=checked_lines, kw_only=True)
+    place_retreat: Lines = field(default=(), converter=checked_lines, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         self.seen_from_base(pin.SE3.Identity())  # the checks of `PickAndPlace`
@@ -79,7 +107,21 @@ class TableTransfer:
     def seen_from_base(self, T_base_table: pin.SE3) -> PickAndPlace:
         """The task for one place of the table."""
         pick, place = T_base_table * self.T_table_pick, T_base_table * self.T_table_place
-        return PickAndPlace(self.body, pick, place, self.hover_m, self.clear_m)
+
+        def turned(lines: Lines) -> tuple[Line, ...]:
+            return tuple(line.turned(T_base_table.rotation) for line in checked_lines(lines))
+
+        return PickAndPlace(
+            self.body,
+            pick,
+            place,
+            self.hover_m,
+            self.clear_m,
+            approach=turned(self.approach),
+            retreat=turned(self.retreat),
+            place_approach=turned(self.place_approach),
+            place_retreat=turned(self.place_retreat),
+        )
 
     def _facts(self) -> tuple[str, ...]:
         way = f"from {position(self.T_table_pick)} to {position(self.T_table_place)}"
@@ -152,20 +194,16 @@ class TableTask:
     def jobs(self) -> tuple[Job, ...]:
         """The poses that one arm has to reach for each transfer, then for each visit.
 
-        Those of a transfer are all at which the tip stops or changes its direction. "Above" is the
-        same seen from the table and from base, because the table's z axis points up.
+        Those of a transfer are all at which the tip stops or changes its direction. Up is the same
+        seen from the table and from base, because the table's z axis points up.
         """
         jobs = []
         for transfer in self.transfers:
             task = transfer.seen_from_base(pin.SE3.Identity())
-            poses = (
-                ("pick", task.T_base_pick),
-                ("above the pick", task.T_base_above_pick),
-                ("place", task.T_base_place),
-                ("above the place", task.T_base_above_place),
-                ("end", task.T_base_end),
+            named = tuple(
+                (f"{transfer.body}: {NAMES.get(leg.label, leg.label)}", leg.T_base_goal)
+                for leg in task.waypoints
             )
-            named = tuple((f"{transfer.body}: {name}", T) for name, T in poses)
             jobs.append(Job(transfer, named))
         visits = (Job(visit, ((visit.name, visit.T_table_tip),)) for visit in self.visits)
         return (*jobs, *visits)

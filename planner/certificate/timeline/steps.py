@@ -215,7 +215,6 @@ class Timeline:
 
     def _moved(self, number: int, step: Mapping[str, Any], now: Situation) -> Situation:
         label, robot = step["label"], self.robot
-        require(not step.get("claims"), f"{label}: a claim that is not known")
         limits = step["trajectory"]["limits"]
         own = tuple(limits["names"]) == robot.names
         require(own, f"{label}: it moves other joints than the {robot.limb} arm's")
@@ -228,6 +227,8 @@ class Timeline:
         a_max, j_max = (np.full(ARM_JOINTS, x) for x in (self._limits.a_max, self._limits.j_max))
         motion.require_limits(*stated_limits(robot, limits, a_max, j_max, label))
         self._require_tip(step, motion)
+        for claim in step.get("claims", ()):
+            self._require_claim(claim, motion, now, label)
         following = self._grip_after(number)
         near: set[str] = set()
         if step["is_straight"] and now.held is None:
@@ -304,6 +305,16 @@ class Timeline:
             off_m, turn = tip.line_deviation(self.robot, motion, tolerance, label)
             self._note("distance from line", label, off_m)
             self._note("turn from line", label, turn)
+
+    def _require_claim(
+        self, claim: Mapping[str, Any], motion: Polynomials, now: Situation, label: str
+    ) -> None:
+        require(claim["kind"] == "upright", f"{label}: a claim that is not known")
+        if now.held is None:
+            raise NotCertifiedError(f"{label}: what stays upright is not in the hand")
+        _, T_joint_body = now.held
+        tilt = tip.require_upright(self.robot, motion, T_joint_body, claim["values"], label)
+        self._note("tilt of held body", label, tilt)
 
     def _require_windows(
         self,

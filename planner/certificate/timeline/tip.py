@@ -9,7 +9,15 @@ import numpy as np
 
 from planner.certificate.clusters import stated_pose
 from planner.certificate.errors import require
-from planner.certificate.intervals import Array, Interval, axis_angle, norm_bound, turns_about
+from planner.certificate.intervals import (
+    Array,
+    Interval,
+    Pose,
+    axis_angle,
+    norm_bound,
+    product,
+    turns_about,
+)
 from planner.certificate.motion import Polynomials, carried
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.timeline.bodies import STATE_TOLERANCE
@@ -19,6 +27,12 @@ TIP_TOLERANCE = 1e-6
 
 MIN_LINE_M = 1e-6
 """On a shorter line the rotation of the hand determines the share of the way."""
+
+UNIT_TOLERANCE = 1e-12
+"""Maximum difference of the length of an upright axis from 1."""
+
+MAX_ROUNDING_RAD = 1e-7
+"""Upper bound on the error of an arccosine in doubles."""
 
 LINE_CELLS = tuple(2**power for power in range(6, 15))
 """Numbers of cells of a straight move, from coarse to fine."""
@@ -72,6 +86,41 @@ def line_deviation(
         f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
     )
     return off_m, turn
+
+
+def require_upright(
+    robot: Robot, motion: Polynomials, T_joint_body: Pose, stated: Mapping[str, Any], label: str
+) -> float:
+    """Maximum angle between an axis of the held body and the vertical, rad, at any instant.
+
+    The height of the axis's tip above its foot is, on a cell, at least the smaller of those at the
+    ends, less by what the entries of the rotation are off their chords.
+
+    Raises:
+        NotCertifiedError: when it is greater than stated, or the statement is malformed.
+    """
+    names = {"axis_x", "axis_y", "axis_z", "max_tilt_rad"}
+    require(stated.keys() == names, f"{label}: an upright axis is stated in another way")
+    axis = np.array([float(stated[name]) for name in ("axis_x", "axis_y", "axis_z")])
+    allowed = float(stated["max_tilt_rad"])
+    is_unit = abs(float(np.linalg.norm(axis)) - 1.0) <= UNIT_TOLERANCE
+    require(is_unit and 0.0 <= allowed <= np.pi, f"{label}: no upright axis is stated")
+    seen = robot.tip.inverse() * T_joint_body  # from the tip
+    own = product(seen.R, Interval(axis.reshape(3, 1)))
+    for count in LINE_CELLS if motion.duration_s > 0.0 else (1,):
+        times_s = np.linspace(0.0, motion.duration_s, count + 1)
+        up = product(robot.tips(motion.at(times_s)).R, own)[:, 2, 0].low
+        bend = chord_errors(robot, motion, times_s)[1] if motion.duration_s > 0.0 else 0.0
+        least = min(1.0, float(up.min()) - bend - 2.0 * UNIT_TOLERANCE)
+        tilt = float(np.arccos(max(-1.0, least))) + MAX_ROUNDING_RAD
+        if tilt <= allowed or float(np.arccos(np.clip(up.min(), -1.0, 1.0))) > allowed:
+            break  # otherwise smaller cells may show it
+    require(
+        tilt <= allowed,
+        f"{label}: the held body leans by up to {np.degrees(tilt):.4f} deg, and at most "
+        f"{np.degrees(allowed):.4f} deg are stated",
+    )
+    return tilt
 
 
 def chord_errors(robot: Robot, motion: Polynomials, times_s: Array) -> tuple[float, float]:

@@ -35,6 +35,7 @@ def guess_along(
     intervals: int,
     *,
     ends_at_rest: bool = False,
+    min_stride: float = MIN_STRIDE,
 ) -> Sketch | LineFollowed:
     """A guess along a line, from rest at a configuration; or how far the arm can follow the line.
 
@@ -45,10 +46,11 @@ def guess_along(
         line: of the tip.
         intervals: of the guess.
         ends_at_rest: whether the arm also rests at the end, or leaves the line while accelerating.
+        min_stride: minimum step, as a fraction of the line.
     """
     t = np.linspace(0.0, 1.0, 1 + intervals)
     passed = _eased(t) if ends_at_rest else t**2
-    there = follow(arm, limits, q, line, passed[1:].tolist())
+    there = follow(arm, limits, q, line, passed[1:].tolist(), min_stride=min_stride)
     if len(there.qs) < intervals:
         return there
     qs = np.array([q, *there.qs])
@@ -89,7 +91,13 @@ class LineFollowed(NamedTuple):
 
 
 def follow(
-    arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, fractions: Sequence[float]
+    arm: Arm,
+    limits: JointLimits,
+    q: FloatArray,
+    line: StraightLine,
+    fractions: Sequence[float],
+    *,
+    min_stride: float = MIN_STRIDE,
 ) -> LineFollowed:
     """Configurations at successive fractions of a line, as far as the arm can follow.
 
@@ -104,7 +112,7 @@ def follow(
             ahead = _corrected(arm, limits, q, line, to)
             if ahead is not None and np.abs(ahead - q).max() <= MAX_STRIDE_RAD:
                 q, at, to = ahead, to, s
-            elif to - at > MIN_STRIDE:
+            elif to - at > min_stride:
                 to = (at + to) / 2.0
             else:
                 return LineFollowed(configurations, at, q)

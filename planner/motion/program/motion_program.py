@@ -42,6 +42,7 @@ from planner.motion.program.tip_rows import (
     height_rows,
     path_rows,
     speed_rows,
+    tilt_rows,
     tip_speed_rows,
 )
 from planner.motion.program.unknowns import (
@@ -140,6 +141,7 @@ class MotionProgram:
             path_rows(*given, turn),
             speed_rows(*given),
             height_rows(*given),
+            tilt_rows(*given),
             tip_speed_rows(*given) if bounds_speed else None,
         ]
         rows = [each for each in parts if each is not None]

@@ -2,7 +2,7 @@
 
 On a line, the error of the tip with respect to the pose at some fraction of the line is bounded;
 the fraction is an unknown. Where a line is entered or left at speed, so is that speed. Elsewhere
-the tip keeps a minimum height.
+the tip keeps a minimum height, and an axis of it may stay near the vertical.
 
 Each constraint is a CasADi function of the joint angles, for any arm: its geometry is among the
 numeric inputs. Everything is expressed in the frame of the arm's first axis, as
@@ -24,7 +24,13 @@ from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain
 from baxter_kin.validation import FloatArray, Indices
 from planner.motion.program.rows import Rows, SparseSum, constant
-from planner.motion.program.unknowns import PIECE_NUMBERS, Numbers, Phase, Unknowns
+from planner.motion.program.unknowns import (
+    PIECE_NUMBERS,
+    TILT_NUMBERS,
+    Numbers,
+    Phase,
+    Unknowns,
+)
 from planner.motion.straight_line import Turn
 from planner.splines import AT_KNOT
 
@@ -155,6 +161,24 @@ def speed_rows(
     parameters = ca.horzcat(*(ca.vertcat(numbers.pieces[0], rates) for _, _, rates in ends))
     high = np.zeros(12 * len(ends))
     constraints = _Constraints(knots, moving(), parameters, ca.MX.ones(12, len(ends)), high, high)
+    return _rows(constraints, unknowns, x, numbers)
+
+
+def tilt_rows(
+    phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
+) -> Rows | None:
+    """Tilt of an axis of the tip, as a share of the maximum by 1 - cos; None where it is free."""
+    knots = [
+        _Knot(k, i, 0)
+        for k, phase in enumerate(phases)
+        if phase.keeps_upright
+        for i in range(1, phase.intervals)
+    ]
+    if not knots:
+        return None
+    parameters = ca.repmat(numbers.tilt, 1, len(knots))
+    low, high = np.full(len(knots), -np.inf), np.ones(len(knots))
+    constraints = _Constraints(knots, leaning(), parameters, ca.MX.ones(1, len(knots)), low, high)
     return _rows(constraints, unknowns, x, numbers)
 
 
@@ -361,6 +385,20 @@ def moving() -> NodeFunctions:
         twist - T * speed * line, ca.jtimes(twist, state, rates) - T**2 * acceleration * line
     )
     return NodeFunctions.of("moving", e, ca.vertcat(q, dq, ddq, T), numbers, geometry)
+
+
+@cache
+def leaning() -> NodeFunctions:
+    """1 - cos of the tilt of an axis, divided by its maximum: z is q.
+
+    Numbers are the axis, seen from the tip, and the maximum.
+    """
+    q, _, R_tip, geometry = _tip()
+    numbers = ca.SX.sym("numbers", TILT_NUMBERS)
+    e = (1 - ca.dot(geometry[-4:-1], R_tip @ numbers[:3])) / numbers[3]
+    functions = NodeFunctions.of("leaning", e, q, numbers, geometry)
+    machine_code = compiled(list(functions.all))
+    return functions if machine_code is None else NodeFunctions(*machine_code)
 
 
 def _above() -> NodeFunctions:

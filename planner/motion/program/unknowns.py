@@ -19,6 +19,9 @@ from planner.motion.paths.pieces import Piece
 PIECE_NUMBERS = 25
 """Initial position and rotation, axis and angle of the turn, three coefficients of the position."""
 
+TILT_NUMBERS = 4
+"""An axis seen from the tip, and 1 - cos of its maximum tilt."""
+
 GEOMETRY_NUMBERS = 31 + 9 + 4
 """Dimensions of the chain, rotation of the tip, direction and offset of the vertical."""
 
@@ -90,18 +93,19 @@ class Numbers:
         speed: maximum speed of the tip, m per unit of time.
         rates: where a line is entered and left at speed, 4 x 1.
         heights: m, one for each phase with a minimum height.
+        tilt: the axis that stays upright and 1 - cos of its maximum tilt, 4 x 1.
         pieces: `piece_numbers` of each.
     """
 
     def __init__(self, phases: Sequence[Phase], joints: int) -> None:
         pieces = 1 + max((phase.piece for phase in phases if phase.piece is not None), default=-1)
         heights = sum(phase.keeps_height for phase in phases)
-        sizes = [2 * joints, 2 * joints, 3 * joints, GEOMETRY_NUMBERS, 2, 1, 4, heights]
-        sizes += [PIECE_NUMBERS] * pieces
+        few = GEOMETRY_NUMBERS, 2, 1, 4, heights, TILT_NUMBERS
+        sizes = [2 * joints, 2 * joints, 3 * joints, *few, *[PIECE_NUMBERS] * pieces]
         self.all = ca.MX.sym("numbers", sum(sizes))
         parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
         self.q_ends, self.rates_start, self.limits, self.geometry, self.tolerance, *parts = parts
-        self.speed, self.rates, self.heights, *self.pieces = parts
+        self.speed, self.rates, self.heights, self.tilt, *self.pieces = parts
 
 
 def numbers_of(
@@ -118,7 +122,7 @@ def numbers_of(
     moving = (still, still) if task.start_rates is None else task.start_rates
     start = moving[0] * unit_s, moving[1] * unit_s**2
     rates = np.array(task.rates) * np.tile([unit_s, unit_s**2], 2)
-    few = np.array([*task.tolerance, task.speed_m_s * unit_s, *rates, *task.heights_m])
+    few = np.array([*task.tolerance, task.speed_m_s * unit_s, *rates, *task.heights_m, *task.tilt])
     return np.concatenate([*ends_of(task), *start, *bounds, geometry, few, *pieces])
 
 
@@ -141,6 +145,8 @@ class Phase(NamedTuple):
         leaves: the same at the end; for the last phase.
         is_moving: whether the arm has a given velocity and acceleration at the start; for the first
             phase.
+        may_sink: whether a phase without a line has no minimum height.
+        keeps_upright: whether the axis of the task stays upright at the knots in between.
     """
 
     intervals: int
@@ -151,11 +157,13 @@ class Phase(NamedTuple):
     enters: bool = False
     leaves: bool = False
     is_moving: bool = False
+    may_sink: bool = False
+    keeps_upright: bool = False
 
     @property
     def keeps_height(self) -> bool:
         """Whether its tip stays above a height."""
-        return self.piece is None and not self.at_goal
+        return self.piece is None and not self.at_goal and not self.may_sink
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,6 +182,8 @@ class MotionTask:
             at rest.
         speed_m_s: maximum speed of the tip, in programs that bound it.
         axis: of the tip, about which its rotation is free in programs that leave one free.
+        tilt: of the phases that keep upright: the axis that does, a unit vector seen from the tip,
+            and 1 - cos of its maximum tilt.
     """
 
     q_start: FloatArray
@@ -185,6 +195,7 @@ class MotionTask:
     start_rates: tuple[FloatArray, FloatArray] | None = None
     speed_m_s: float = 1.0
     axis: str = "z"
+    tilt: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
 def piece_numbers(piece: Piece, arm: Arm, axis: str = "z") -> FloatArray:

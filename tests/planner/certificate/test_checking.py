@@ -31,6 +31,10 @@ Change = Callable[[Data], None]
 
 BODIES, TURN = ("plan", "start", "scene", "bodies"), ("T_base_body", "rotation")
 
+UP = {"axis_x": 0.0, "axis_y": 0.0, "axis_z": 1.0, "max_tilt_rad": 0.2}
+"""What a plan states of an axis that stays upright."""
+
+
 TIGHT = 0.97
 """How much of the distance that the planner met is certified at least."""
 
@@ -258,7 +262,23 @@ def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
         (touching("block", "table", part=7), "not meant"),
         (touching("block", "table", least_m=-6e-4), "too deep"),
         (touching("block", "table", end_s=9.0), "longer than the step"),
-        (stating("place: approach", claims=[{"kind": "upright", "values": {}}]), "claim"),
+        (stating("place: approach", claims=[{"kind": "polite", "values": {}}]), "claim"),
+        *(
+            (stating(label, claims=[{"kind": "upright", "values": values}]), reason)
+            for label, values, reason in (
+                ("place: approach", {}, "in another way"),
+                ("place: approach", UP | {"axis_w": 0.0}, "in another way"),
+                ("place: approach", UP | {"axis_z": 1.001}, "no upright axis"),
+                ("place: approach", UP | {"axis_z": 0.0}, "no upright axis"),
+                ("place: approach", UP | {"max_tilt_rad": -0.1}, "no upright axis"),
+                ("place: approach", UP | {"max_tilt_rad": 4.0}, "no upright axis"),
+                ("place: approach", UP | {"max_tilt_rad": 0.01}, "leans by up to"),
+                ("place: approach", UP | {"axis_z": -1.0}, "leans by up to 180"),
+                ("place: approach", UP | {"axis_x": 1.0, "axis_z": 0.0}, "leans by up to"),
+                ("pick: approach", UP, "not in the hand"),
+                ("place: retract", UP, "not in the hand"),
+            )
+        ),
         (put("plan", "failure", value={"stage": "pick"}), "failed"),
         (put("states", 3, "joints", "left_s0", value=0.5), "stated elsewhere"),
     ],

@@ -46,20 +46,19 @@ def program_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> CycleProg
 
 
 def test_motions_go_on_as_the_ones_before_ended(cycle: Cycle) -> None:
-    motions = cycle
-    for before, after in pairwise(motions):
+    for before, after in pairwise(cycle.motions):
         for name in ("q", "v", "a"):
             jump = np.abs(getattr(before, name)[-1] - getattr(after, name)[0]).max()
             assert jump <= HAND_OVER, name
 
 
 def test_it_rests_only_to_grasp_to_release_and_at_the_end(cycle: Cycle) -> None:
-    ends = [np.abs(motion.v[-1]).max() for motion in cycle]
+    ends = [np.abs(motion.v[-1]).max() for motion in cycle.motions]
     assert [end == 0.0 for end in ends] == [False, True, False, False, True, True]
 
 
 def test_every_limit_is_kept(cycle: Cycle, left: Arm) -> None:
-    for motion in cycle:
+    for motion in cycle.motions:
         assert max(motion.peak_ratios()) <= 1.0 + 1e-12
         low, high = motion.position_extrema()
         assert (low >= left.limits.q_min).all()
@@ -96,7 +95,7 @@ def test_a_grid_twice_as_fine_gains_less_than_a_hundredth(
 
 def test_between_the_lines_the_tip_stays_above_their_upper_ends(cycle: Cycle, left: Arm) -> None:
     least_m = min(T.translation[2] for T in (PICK, PLACE)) + TASK.clear_m
-    heights = [left.T_base_tip(q).translation[2] for q in cycle.to_place.q]
+    heights = [left.T_base_tip(q).translation[2] for q in cycle.by_label["place: approach"].q]
     assert min(heights) >= least_m - 1e-8
 
 
@@ -105,7 +104,7 @@ def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m
     task = PickAndPlace("block", PICK, PLACE, hover_m=hover_m, clear_m=clear_m)
     found = program_of(manipulator, task).of(pair_of(manipulator, task))
     assert found is not None
-    end = manipulator.arm.T_base_tip(found.up_from_place.q_goal).translation
+    end = manipulator.arm.T_base_tip(found.motions[-1].q_goal).translation
     above = PLACE.translation + np.array([0.0, 0.0, hover_m])
     np.testing.assert_allclose(end, above, atol=1e-8)
 
@@ -135,14 +134,14 @@ def test_what_is_led_around_a_wall_is_proven_clear_of_it(
     cycle: Cycle, led: list[Cycle], walled: Mapping[str, CollisionContext]
 ) -> None:
     def is_clear(each: Cycle) -> bool:
-        return all(walled[s].prove(motion).is_clear for s, motion in each.by_stage.items())
+        return all(walled[s].prove(motion).is_clear for s, motion in each.by_label.items())
 
     assert not is_clear(cycle)
     assert is_clear(led[0])
     durations = [each.duration_s for each in led]
     assert durations[0] <= 1.01 * min(durations)
     assert cycle.duration_s < durations[0] < 1.05 * cycle.duration_s
-    assert all(max(motion.peak_ratios()) <= 1.0 + 1e-12 for motion in led[0])
+    assert all(max(motion.peak_ratios()) <= 1.0 + 1e-12 for motion in led[0].motions)
 
 
 def test_nothing_comes_of_a_place_that_is_covered(
@@ -182,11 +181,11 @@ def test_a_stopping_cycle_rests_between_any_two_motions(
     stopped: Cycle, ends: tuple[FloatArray, FloatArray], manipulator: Manipulator
 ) -> None:
     np.testing.assert_array_equal([stopped.q_pick, stopped.q_place], ends)
-    assert tuple(stopped.by_stage) == MOVES
-    times = [motion.duration for motion in stopped.by_stage.values()]
+    assert tuple(stopped.by_label) == MOVES
+    times = [motion.duration for motion in stopped.by_label.values()]
     assert stopped.duration_s == pytest.approx(sum(times), abs=1e-12)
     q = manipulator.arm.start
-    for motion in stopped:
+    for motion in stopped.motions:
         np.testing.assert_allclose(motion.q_start, q, atol=CONTINUITY_TOLERANCE)
         assert np.abs(motion.v[[0, -1]]).max() == np.abs(motion.a[[0, -1]]).max() == 0.0
         q = motion.q_goal
@@ -196,7 +195,7 @@ def test_every_motion_is_clear_in_its_situation(
     stopped: Cycle, manipulator: Manipulator, scene: Scene
 ) -> None:
     contexts = PhaseMaker(PlanRequest(manipulator, scene, manipulator.arm.start), TASK).phases()
-    for stage, motion in stopped.by_stage.items():
+    for stage, motion in stopped.by_label.items():
         assert contexts.contexts[stage].prove(motion).is_clear, stage
 
 
@@ -204,8 +203,8 @@ def test_lines_of_one_solution_are_planned_once(
     cycles: StoppingCycles, stopped: Cycle, ends: tuple[FloatArray, FloatArray]
 ) -> None:
     again, _ = cycles.of(*ends)
-    assert again.up_from_pick is stopped.up_from_pick
-    assert again.up_from_place is stopped.up_from_place
+    for label in ("pick: retract", "place: retract"):
+        assert again.by_label[label] is stopped.by_label[label]
 
 
 def test_a_line_that_the_arm_cannot_follow_is_refused_each_time(

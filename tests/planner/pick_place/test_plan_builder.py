@@ -7,6 +7,7 @@ import pytest
 
 from planner import (
     Grip,
+    Line,
     LineTolerance,
     Manipulator,
     Scene,
@@ -22,7 +23,7 @@ from planner.pick_place.plan_builder import (
     proven,
     refuse_blocked,
 )
-from planner.pick_place.task import PlanRequest
+from planner.pick_place.task import UP, PlanRequest
 from tests.conftest import overhead
 from tests.planner.pick_place.conftest import box, labels
 
@@ -63,7 +64,7 @@ def test_a_rise_ends_straight_above_where_the_arm_stood(
     builder: PlanBuilder, manipulator: Manipulator, context: CollisionContext
 ) -> None:
     before = manipulator.arm.T_base_tip(builder.q)
-    builder.add_rise("up", 0.05, context)
+    builder.add_retreat("up", [Line(UP, 0.05)], context)
     after = manipulator.arm.T_base_tip(builder.q)
     moved = after.translation - before.translation
     np.testing.assert_allclose(moved, [0.0, 0.0, 0.05], atol=REACHED_M)
@@ -75,7 +76,7 @@ def test_a_rise_out_of_reach_is_refused_at_its_stage(
     builder: PlanBuilder, context: CollisionContext
 ) -> None:
     with pytest.raises(NoSolutionError, match=r"^up: the straight line ends after .* of the way"):
-        builder.add_rise("up", 2.0, context)
+        builder.add_retreat("up", [Line(UP, 2.0)], context)
     assert not builder.steps
 
 

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter, BaxterError
+from baxter_kin.frames import raised
 from planner import Manipulator
 from planner.atlas import TableTask, TableTransfer, Visit, load_task
 from planner.atlas.questions import task_file
@@ -44,11 +45,11 @@ def test_poses_are_those_of_the_planner_at_every_placement(
     planned = task.transfers[0].seen_from_base(T_base_table)
     (job,) = task.jobs
     expected = {
+        "red: before the pick": raised(planned.T_base_pick, planned.clear_m),
         "red: pick": planned.T_base_pick,
-        "red: above the pick": planned.T_base_above_pick,
+        "red: before the place": raised(planned.T_base_place, planned.clear_m),
         "red: place": planned.T_base_place,
-        "red: above the place": planned.T_base_above_place,
-        "red: end": planned.T_base_end,
+        "red: end": raised(planned.T_base_place, planned.hover_m),
     }
     assert dict(job.poses).keys() == expected.keys()
     for label, T_table_tip in job.poses:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -106,7 +106,7 @@ def test_graded_pieces_are_the_same_path_with_short_pieces_at_corners() -> None:
         (lambda: pieces_of([]), MotionError),
         (lambda: pieces_of([START]), MotionError),
         (lambda: pieces_of(START), MotionError),
-        (lambda: pieces_of(7), MotionError),  # type: ignore[arg-type],
+        (lambda: pieces_of(cast("Polyline", 7)), MotionError),
     ],
 )
 def test_what_is_no_path_is_refused(make: Any, error: type[Exception]) -> None:

@@ -28,7 +28,7 @@ from planner.motion.program.motion_program import (
     led_around,
 )
 from planner.motion.program.rows import Clearances, Rows, spline_rows
-from planner.motion.program.tip_rows import height_rows, path_rows, speed_rows
+from planner.motion.program.tip_rows import height_rows, path_rows, speed_rows, tilt_rows
 from planner.motion.program.unknowns import MotionTask, Numbers, Phase, Unknowns
 from planner.splines import Sketch
 from tests.conftest import overhead
@@ -48,6 +48,7 @@ PHASES = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1
 
 AT_SPEED = (Phase(5, 0, enters=True), Phase(4, 1, leaves=True))
 TO_GOAL = (Phase(4), Phase(5, rests=True, at_goal=True))
+UPRIGHT = (Phase(4), Phase(5, rests=True, at_goal=True, keeps_upright=True))
 
 POSITION_M, ROTATION_RAD = TOLERANCE = (2e-5, 5e-5)
 
@@ -56,9 +57,12 @@ POSITION_M, ROTATION_RAD = TOLERANCE = (2e-5, 5e-5)
 def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """CasADi does not look into machine code."""
     monkeypatch.setattr(tip_rows, "compiled", lambda _: None)
-    tip_rows._at_knots.cache_clear()
+    caches = tip_rows._at_knots, tip_rows.leaning
+    for each in caches:
+        each.cache_clear()
     yield
-    tip_rows._at_knots.cache_clear()
+    for each in caches:
+        each.cache_clear()
 
 
 @pytest.mark.usefixtures("differentiable")
@@ -68,6 +72,7 @@ def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         *((make, PHASES) for make in (spline_rows, path_rows, height_rows)),
         *((make, AT_SPEED) for make in (spline_rows, path_rows, speed_rows)),
         *((make, TO_GOAL) for make in (spline_rows, height_rows)),
+        (tilt_rows, UPRIGHT),
     ],
 )
 def test_derivatives_are_those_that_casadi_finds_by_itself(

@@ -19,9 +19,11 @@ from planner.motion.program.rows import Rows
 from planner.motion.program.tip_rows import (
     above,
     height_rows,
+    leaning,
     on_piece,
     path_rows,
     speed_rows,
+    tilt_rows,
 )
 from planner.motion.program.unknowns import (
     MotionTask,
@@ -44,6 +46,7 @@ RATES = (0.3, 0.2, 0.4, -0.1)
 ON_LINE = (Phase(4, 0, rests=True),)
 AT_SPEED = (Phase(5, 0, enters=True, leaves=True),)
 FREE = (Phase(6, rests=True),)
+UPRIGHT = (Phase(6, rests=True, keeps_upright=True),)
 
 STEP_S, DIFFERENCES = 1e-4, 1e-5
 """What differences over such a step are good for, relative."""
@@ -111,6 +114,14 @@ def test_heights_are_those_of_the_tip_above_the_least_height(arm: Arm) -> None:
     assert np.isinf(drawn.rows.high).all()
 
 
+def test_tilts_are_those_of_the_axis_against_the_vertical(arm: Arm) -> None:
+    """As shares of the maximum, by 1 - cos: here of the z axis and a right angle."""
+    drawn = Drawn(tilt_rows, UPRIGHT, arm)
+    up = [arm.T_base_tip(q).rotation[2, 2] for q in drawn.q[1:-1]]
+    np.testing.assert_allclose(drawn.g, 1.0 - np.array(up), atol=ROUNDING)
+    assert (drawn.rows.high == 1.0).all()
+
+
 @pytest.mark.parametrize("end", [0, 1], ids=["entered", "left"])
 def test_speeds_are_those_of_the_tip_less_those_of_the_line(arm: Arm, end: int) -> None:
     """By differences of poses shortly before and after."""
@@ -138,7 +149,8 @@ def test_speeds_are_those_of_the_tip_less_those_of_the_line(arm: Arm, end: int) 
 
 
 @pytest.mark.parametrize(
-    ("make", "phases"), [(path_rows, FREE), (height_rows, ON_LINE), (speed_rows, ON_LINE)]
+    ("make", "phases"),
+    [(path_rows, FREE), (height_rows, ON_LINE), (speed_rows, ON_LINE), (tilt_rows, FREE)],
 )
 def test_there_are_none_where_nothing_is_asked_for(
     make: Callable[..., Rows | None], phases: tuple[Phase, ...]
@@ -181,3 +193,13 @@ def test_the_height_is_that_in_base(placed: Arm, seed: int) -> None:
     found = float(above().value(q, height_m, geometry_numbers(placed)))
     z_m = placed.T_base_tip(q).translation[2]
     assert found == pytest.approx(z_m - height_m, abs=NODE_ROUNDING)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_tilt_is_that_of_the_axis_in_base(placed: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q, axis, most = placed.random_configuration(rng), rng.normal(size=3), float(rng.uniform(0.1, 2))
+    axis /= np.linalg.norm(axis)
+    found = float(leaning().value(q, [*axis, most], geometry_numbers(placed)))
+    up = float((placed.T_base_tip(q).rotation @ axis)[2])
+    assert found * most == pytest.approx(1.0 - up, abs=NODE_ROUNDING)
