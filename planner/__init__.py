@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from planner.motion.paths.path import Polyline as Polyline
     from planner.motion.paths.path_move import PathMove as PathMove
     from planner.motion.paths.path_move import plan_path_move as plan_path_move
+    from planner.motion.paths.straight_line import LineTolerance as LineTolerance
+    from planner.motion.paths.straight_line import StraightLine as StraightLine
+    from planner.motion.paths.straight_move import plan_straight_move as plan_straight_move
     from planner.motion.response import Response as Response
     from planner.motion.response import fit_response as fit_response
-    from planner.motion.straight_line import LineTolerance as LineTolerance
-    from planner.motion.straight_line import StraightLine as StraightLine
-    from planner.motion.straight_move import plan_straight_move as plan_straight_move
     from planner.motion.upright import Upright as Upright
     from planner.pick_place.candidates import transfer_bound_s as transfer_bound_s
     from planner.pick_place.planning import plan_pick_and_place as plan_pick_and_place
@@ -90,7 +90,7 @@ __all__, __getattr__ = lazy(
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",
         "Line": "planner.pick_place.task",
-        "LineTolerance": "planner.motion.straight_line",
+        "LineTolerance": "planner.motion.paths.straight_line",
         "Manipulator": "planner.manipulator",
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
@@ -110,7 +110,7 @@ __all__, __getattr__ = lazy(
         "Scene": "planner.scene.bodies",
         "Sphere": "planner.scene.bodies",
         "State": "planner.state",
-        "StraightLine": "planner.motion.straight_line",
+        "StraightLine": "planner.motion.paths.straight_line",
         "StraightMoveError": "planner.errors",
         "TrackingProof": "planner.pick_place.tracking",
         "Trajectory": "planner.trajectory",
@@ -129,7 +129,7 @@ __all__, __getattr__ = lazy(
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",
         "plan_start_move": "planner.pick_place.planning",
-        "plan_straight_move": "planner.motion.straight_move",
+        "plan_straight_move": "planner.motion.paths.straight_move",
         "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",

@@ -27,8 +27,8 @@ from baxter_kin.validation import (
 from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousProof, least
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.response import Response
-from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.scene.contact import Contact
 from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory

@@ -84,10 +84,10 @@ from planner.collision.context import CollisionContext, looks_clear, sample_time
 from planner.errors import FreeMoveError
 from planner.motion.free_move import plan_free_move
 from planner.motion.paths.pieces import MIN_LENGTH
+from planner.motion.paths.straight_line import StraightLine
 from planner.motion.program.guess import follow
 from planner.motion.recorded.fastest import as_fast_as_possible
 from planner.motion.recorded.smoothing import NearMotion, at_recorded_speed
-from planner.motion.straight_line import StraightLine
 from planner.pick_place import cycle_search
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycles import CycleProgram

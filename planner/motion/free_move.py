@@ -36,12 +36,12 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
+from planner.motion.paths.straight_line import StraightLine
 from planner.motion.program.guess import bent_to, follow, guess_along
 from planner.motion.program.motion_program import MotionProgram, Motions, led_around
 from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.rrt import EDGE_STEP_RAD, search_corners
-from planner.motion.straight_line import StraightLine
 from planner.motion.upright import KNOT_SHARES, Upright, max_tilt_rad
 from planner.splines import Sketch
 from planner.trajectory import Trajectory

@@ -15,6 +15,8 @@ from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
+from planner.motion.paths.straight_line import intervals_of, is_on_line, knot_tolerance
+from planner.motion.paths.straight_move import plan_straight_move
 from planner.motion.program.guess import (
     MIN_STRIDE,
     LineFollowed,
@@ -25,8 +27,6 @@ from planner.motion.program.guess import (
 from planner.motion.program.motion_program import EXTRA_MARGIN_M, MotionProgram, Motions, led_around
 from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
-from planner.motion.straight_line import intervals_of, is_on_line, knot_tolerance
-from planner.motion.straight_move import plan_straight_move
 from planner.motion.upright import KNOT_SHARES, Upright
 from planner.pick_place.candidates import CandidatePair
 from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven

@@ -41,7 +41,7 @@ from planner.collision.distances import ACCURACY_M, RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.grasping.overhead import MIN_FINGER_CLEARANCE_M
-from planner.motion.straight_line import StraightLine
+from planner.motion.paths.straight_line import StraightLine
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
 from planner.pick_place.task import PICK_LINES, Leg, PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure

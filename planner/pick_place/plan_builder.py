@@ -16,7 +16,7 @@ from planner.errors import MotionError, TaskError
 from planner.grasping.finger_travel import FingerTravel, prove_travel
 from planner.manipulator import Manipulator
 from planner.motion.free_move import DEFAULT_MARGIN_M, TIMEOUT_S, plan_free_move
-from planner.motion.straight_move import plan_straight_move
+from planner.motion.paths.straight_move import plan_straight_move
 from planner.motion.upright import Upright
 from planner.pick_place.task import Line, PlanRequest, numbered, retreat_poses
 from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure, Step

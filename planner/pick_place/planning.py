@@ -32,8 +32,8 @@ from planner.clearance import checked_margin_m
 from planner.errors import MotionError, ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.response import Response
-from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.upright import Upright
 from planner.pick_place.cycle_search import CycleSearch, leaning_failure
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder

@@ -27,7 +27,7 @@ from baxter_kin.frames import checked_pose
 from baxter_kin.validation import FloatArray, expect_all, finite_array, positive_scalar
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
-from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance, StraightLine
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance, StraightLine
 from planner.motion.upright import Upright
 from planner.scene.bodies import MAX_DISTANCE_M, Attachment, Scene
 

@@ -13,7 +13,7 @@ from hypothesis import assume
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.validation import FloatArray
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
-from planner.motion.straight_line import DEFAULT_TOLERANCE
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15

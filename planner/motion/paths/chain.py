@@ -20,7 +20,7 @@ from baxter_kin.ik import sample_solutions
 from baxter_kin.validation import FloatArray
 from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.paths.pieces import Piece
-from planner.motion.straight_line import LineTolerance, Turn
+from planner.motion.paths.straight_line import LineTolerance, Turn
 
 TURNS, SPINS = 48, 12
 """Number of angles of s0 at which solutions are sampled; and of rotations about a free axis."""

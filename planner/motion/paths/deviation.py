@@ -13,7 +13,7 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.motion.paths.pieces import Piece
-from planner.motion.straight_line import LineTolerance, Turn
+from planner.motion.paths.straight_line import LineTolerance, Turn
 
 STEPS, MIN_SQUARE = 6, 1e-18
 """Number of Gauss-Newton steps to the best fraction; and the minimum of its squared slope."""

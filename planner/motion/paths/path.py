@@ -16,7 +16,7 @@ from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from baxter_kin.validation import FloatArray
 from planner.errors import MotionError
 from planner.motion.paths.pieces import MIN_LENGTH, Piece
-from planner.motion.straight_line import StraightLine
+from planner.motion.paths.straight_line import StraightLine
 
 MAX_PIECE_M, MAX_PIECE_RAD, MAX_ARC_RAD = 0.15, 0.5, math.pi / 4.0
 """Maximum length and rotation of a piece, and angle of an arc in one: a cubic is off an arc of 45

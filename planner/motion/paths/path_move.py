@@ -19,8 +19,8 @@ from planner.motion.paths.chain import NoChain, find_chain
 from planner.motion.paths.deviation import Deviations, deviations
 from planner.motion.paths.path import TipPath, graded, pieces_of
 from planner.motion.paths.pieces import Piece
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.paths.windows import PathTask, Windows
-from planner.motion.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.trajectory import Trajectory, joined
 
 START_M, START_RAD = 1e-6, 1e-5

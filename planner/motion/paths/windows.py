@@ -27,16 +27,16 @@ from planner.motion.paths.chain import Chain
 from planner.motion.paths.deviation import deviations
 from planner.motion.paths.path import corners_of
 from planner.motion.paths.pieces import Piece
-from planner.motion.program.motion_program import EXTRA_MARGIN_M, MotionProgram, Motions, led_around
-from planner.motion.program.rows import Clearances
-from planner.motion.program.unknowns import MotionTask, Phase
-from planner.motion.straight_line import (
+from planner.motion.paths.straight_line import (
     SAMPLED_SHARE,
     SAMPLES_PER_INTERVAL,
     LineTolerance,
     Turn,
     knot_tolerance,
 )
+from planner.motion.program.motion_program import EXTRA_MARGIN_M, MotionProgram, Motions, led_around
+from planner.motion.program.rows import Clearances
+from planner.motion.program.unknowns import MotionTask, Phase
 from planner.splines import Sketch, trajectory_of
 from planner.trajectory import Trajectory
 

@@ -10,7 +10,7 @@ import numpy as np
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
 from planner.motion.joint_move import rest_to_rest_s
-from planner.motion.straight_line import StraightLine
+from planner.motion.paths.straight_line import StraightLine
 from planner.splines import Sketch, trajectory_of
 
 MAX_STRIDE_RAD, MIN_STRIDE = 0.1, 1e-6

@@ -30,6 +30,7 @@ import numpy as np
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
 from planner.collision.obstacles import LinearBounds, Obstacles
+from planner.motion.paths.straight_line import Turn
 from planner.motion.program.rows import (
     ClearanceRows,
     Clearances,
@@ -53,7 +54,6 @@ from planner.motion.program.unknowns import (
     ends_of,
     numbers_of,
 )
-from planner.motion.straight_line import Turn
 from planner.splines import DIFFERENCES, Sketch, trajectory_of
 from planner.trajectory import Trajectory
 

@@ -23,6 +23,7 @@ import numpy as np
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain
 from baxter_kin.validation import FloatArray, Indices
+from planner.motion.paths.straight_line import Turn
 from planner.motion.program.rows import Rows, SparseSum, constant
 from planner.motion.program.unknowns import (
     PIECE_NUMBERS,
@@ -31,7 +32,6 @@ from planner.motion.program.unknowns import (
     Phase,
     Unknowns,
 )
-from planner.motion.straight_line import Turn
 from planner.splines import AT_KNOT
 
 

@@ -11,7 +11,7 @@ from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from planner import Line, Manipulator, Move, PickAndPlace, Plan, Scene, plan_retract, verify
 from planner.errors import TaskError
-from planner.motion.straight_line import DEFAULT_TOLERANCE, StraightLine
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, StraightLine
 from planner.pick_place.task import UP
 from sim import Simulation, World
 from tests.conftest import overhead

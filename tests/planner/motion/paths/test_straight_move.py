@@ -26,8 +26,8 @@ from planner import (
     plan_straight_move,
 )
 from planner.errors import MotionError
-from planner.motion import straight_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.paths import straight_move
 from planner.motion.program.guess import LineFollowed, guess_along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE

@@ -20,10 +20,7 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.program.guess import LineFollowed, bent_to, guess_along
-from planner.motion.program.motion_program import MotionProgram
-from planner.motion.program.unknowns import MotionTask, Phase
-from planner.motion.straight_line import (
+from planner.motion.paths.straight_line import (
     DEFAULT_TOLERANCE,
     LineTolerance,
     StraightLine,
@@ -31,6 +28,9 @@ from planner.motion.straight_line import (
     is_on_line,
     knot_tolerance,
 )
+from planner.motion.program.guess import LineFollowed, bent_to, guess_along
+from planner.motion.program.motion_program import MotionProgram
+from planner.motion.program.unknowns import MotionTask, Phase
 from planner.trajectory import Trajectory
 
 MIN_INTERVALS = 20

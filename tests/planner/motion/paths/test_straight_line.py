@@ -23,7 +23,7 @@ from planner import (
 )
 from planner.errors import MotionError
 from planner.motion.paths.pieces import MAX_FRACTION, MIN_LENGTH
-from planner.motion.straight_line import (
+from planner.motion.paths.straight_line import (
     DEFAULT_TOLERANCE,
     HALF_TURN_MARGIN_RAD,
     MAX_INTERVAL_M,
