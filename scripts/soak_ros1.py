@@ -148,8 +148,9 @@ def watched(demo: Demo, watch: Watch, robot: int, minutes: int) -> bool:
         numbers = f"{minute:6}  {rate:7.3f}  {sd:6.2f}  {longest:6.1f}  {memories[-1]:9.1f}"
         print(f"{numbers}  {demo.moves:5}  {demo.timeouts:9}  {demo.unsolved:8}", flush=True)
     traffic.join()
-    first, last = memories[min(4, len(memories) - 1)], memories[-1]
-    print(f"memory: {first:.1f} MB after 5 minutes, {last:.1f} at the end")
+    settled = min(5, len(memories))
+    first, last = memories[settled - 1], memories[-1]
+    print(f"memory: {first:.1f} MB after {settled} minutes, {last:.1f} at the end")
     print(f"rate: {min(rates):.3f} .. {max(rates):.3f} Hz, at the end {rates[-1]:.3f}")
     return last - first <= MAX_GROWTH_MB and demo.moves > 0
 

@@ -146,7 +146,8 @@ def _measurement(row: Measurement) -> dict[str, Any]:
 
 def _batch(row: BatchMeasurement) -> dict[str, Any]:
     values = asdict(row)
-    return {**values, "limb": values.pop("side"), "scenario": row.scenario.value}
+    limb = values.pop("side")
+    return {**values, "limb": limb, "scenario": row.scenario.value}
 
 
 def _times(row: Measurement) -> dict[str, Any]:

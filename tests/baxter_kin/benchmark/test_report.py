@@ -48,6 +48,12 @@ def test_json_has_a_number_for_every_pose(numbers: Any) -> None:
             assert len(row[key]) == COUNT
 
 
+def test_json_names_the_arm_of_a_batch_once(numbers: Any) -> None:
+    for row in numbers["batches"]:
+        assert row["limb"] in {"left", "right"}
+        assert "side" not in row
+
+
 @pytest.mark.parametrize(
     ("ratio", "text"),
     [(1.0, "100 %"), (0.99999, "99.99 %"), (0.9935, "99.35 %"), (0.57, "57.00 %"), (0.0, "0.00 %")],

@@ -256,8 +256,19 @@ def test_a_clear_motion_is_proven(manipulator: Manipulator, table: Body, seed: i
     motion = plan_joint_move(start, goal, manipulator.limits)
     proof = context.prove(motion)
     assert context.is_clear(motion) == proof.is_clear
-    if proof.is_clear:
-        assert looks_clear(motion, context.is_free, SCREENING_STEP_RAD)
+
+
+def test_a_motion_is_clear_beside_the_table_and_not_through_the_wall(
+    manipulator: Manipulator, table: Body
+) -> None:
+    context = manipulator.context(Scene.of([table, wall()]), margin_m=MARGIN_M)
+    q = manipulator.arm.start
+    beside = plan_joint_move(q, q + 0.1, manipulator.limits)
+    assert context.is_clear(beside)
+    assert looks_clear(beside, context.is_free, SCREENING_STEP_RAD)
+    above = [overhead(0.70, y, 0.0) for y in (0.35, -0.10)]
+    through = plan_joint_move(*(manipulator.ik.solve(T).q for T in above), manipulator.limits)
+    assert not context.is_clear(through)
 
 
 @given(seed=seeds)

@@ -31,18 +31,19 @@ def test_a_map_is_right(redundancy_map: RedundancyMap, small_map: ReachMap) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("fault", [(0, "pieces", 1), (3, "margin_rad", 300)])
 def test_what_is_wrong_is_found(
-    redundancy_map: RedundancyMap, small_map: ReachMap, tmp_path: Path
+    redundancy_map: RedundancyMap, small_map: ReachMap, tmp_path: Path, fault: tuple[int, str, int]
 ) -> None:
+    column, number, off = fault
     own = RedundancyMap(shutil.copytree(redundancy_map.path, tmp_path / "own.zarr"))
-    for measure, (number, off) in {0: ("pieces", 1), 3: ("margin_rad", 300)}.items():
-        for block in own.blocks:
-            freedom = own.read_rows(block)
-            freedom[:, measure] += np.where(freedom[:, measure] >= 0, off, 0)
-            own.write_rows(block, (freedom,))
-        found = check(own.path, small_map, 1)
-        assert not found.is_valid
-        assert getattr(found.wrong[0], number) > 0
+    for block in own.blocks:
+        freedom = own.read_rows(block)
+        freedom[:, column] += np.where(freedom[:, column] >= 0, off, 0)
+        own.write_rows(block, (freedom,))
+    found = check(own.path, small_map, 1)
+    assert not found.is_valid
+    assert getattr(found.wrong[0], number) > 0
 
 
 def test_a_map_of_another_reach_map_or_with_nothing_is_refused(
