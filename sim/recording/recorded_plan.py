@@ -2,7 +2,8 @@
 
 The positions are those of the recording, commanded ones of a simulation, measured ones of a robot.
 A measured arm lags behind its commands; that lag is a part of the recording, and remains. Where the
-opening of the gripper changes, the arm comes to rest, the gripper acts, and the motion continues.
+opening of the gripper changes, the arm comes to rest, the gripper acts, and the motion continues; a
+recording in which the arm moves meanwhile is refused.
 """
 
 from __future__ import annotations
@@ -149,7 +150,7 @@ def motion_from(
 
     Raises:
         RecordingError: when an argument is invalid, the arm was not recorded, it moves in a time
-            without samples, or no motion is found.
+            without samples or while its gripper acts, or no motion is found.
         UnknownNameError: when there is no such limb.
     """
     tolerance_rad = positive_scalar(tolerance_rad, "tolerance_rad", RecordingError)
@@ -267,6 +268,8 @@ class _Request:
             raise RecordingError("the recording has a single snapshot, in which nothing moves")
         for track in tracks:
             _check_gaps(track, names, tolerance_rad)
+            if track.then is not None:
+                _check_rest(track.then, recording.times_s, q, names, tolerance_rad)
         start = evolve(state, joints=known)
         return cls(tracks, tolerance_rad, arm, start, scene is not None)
 
@@ -351,7 +354,7 @@ def _reason(made: RecordedPlan, fastest: RecordedPlan | None) -> str:
 
 
 def _tracks(times_s: FloatArray, q: FloatArray, percent: FloatArray) -> Iterator[_Track]:
-    """The samples, cut where the gripper acts; the arm is taken to stand while it does."""
+    """The samples, cut where the gripper acts; those during an action belong to no track."""
     first = 0
     for action in (*_actions(times_s, percent), None):
         last = len(times_s) if action is None else action.first + 1
@@ -393,4 +396,19 @@ def _check_gaps(track: _Track, names: Sequence[str], tolerance_rad: float) -> No
             f"the recording has no samples from {track.times_s[i]:.2f} s to "
             f"{track.times_s[i + 1]:.2f} s, when {names[joint]} moved by {moved[i, joint]:.3g} "
             "rad; cut it there"
+        )
+
+
+def _check_rest(
+    action: _Action, times_s: FloatArray, q: FloatArray, names: Sequence[str], tolerance_rad: float
+) -> None:
+    """Refuse a recording whose arm moves while its gripper acts, as the plan makes it stand."""
+    moved = np.abs(q[action.first : action.last + 1] - q[action.first])
+    row, joint = np.unravel_index(int(moved.argmax()), moved.shape)
+    if moved[row, joint] > tolerance_rad:
+        raise RecordingError(
+            f"the gripper acts from {times_s[action.first]:.2f} s to {times_s[action.last]:.2f} s, "
+            f"when {names[joint]} moved by {moved[row, joint]:.3g} rad (at "
+            f"{times_s[action.first + row]:.2f} s); the arm must stand meanwhile, within "
+            f"{tolerance_rad:g} rad"
         )
