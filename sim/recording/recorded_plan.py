@@ -291,10 +291,11 @@ class _Request:
         )
         if not made.excess_rad:
             return self._verified(made) if self.is_verified else made
+        if speed == "fastest":
+            return _refused(made, _not_found(made))
         fastest = None
-        if speed != "fastest":
-            with suppress(RecordingError):  # then none is offered
-                fastest = self.plan("fastest")
+        with suppress(RecordingError):  # then none is offered
+            fastest = self.plan("fastest")
         return _refused(evolve(made, fastest=fastest), _reason(made, fastest))
 
     def _plan(self, trajectories: Sequence[Trajectory]) -> Plan:
@@ -341,7 +342,18 @@ def _refused(made: RecordedPlan, reason: str) -> RecordedPlan:
     return evolve(made, plan=evolve(made.plan, failure=PlanFailure(LABEL, reason)))
 
 
+def _not_found(made: RecordedPlan) -> str:
+    """Why there is no fastest motion: a search that fails proves nothing about the limits."""
+    tolerance, deviation = 1e3 * made.tolerance_rad, 1e3 * made.deviation_rad
+    return (
+        f"no fastest motion was found within {tolerance:g} mrad of the recording: the nearest one "
+        f"found takes {made.joint} {deviation:.1f} mrad off at {made.time_s:.2f} s; try a greater "
+        "tolerance, or speed='recorded'"
+    )
+
+
 def _reason(made: RecordedPlan, fastest: RecordedPlan | None) -> str:
+    """Why the limits forbid the speed, and what would do."""
     tolerance, deviation = 1e3 * made.tolerance_rad, 1e3 * made.deviation_rad
     text = (
         f"the limits take {made.joint} {deviation:.1f} mrad off the recording at "

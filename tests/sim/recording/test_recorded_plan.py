@@ -31,6 +31,7 @@ from sim.recording.recorder import planned_recording
 from tests.conftest import at
 
 TOLERANCE_RAD = 0.01
+CLOSING_S, OPEN, CLOSED = 1.0, 100.0, 20.0
 SAME_S = 0.011
 """A file of samples ends with the last tick, not with the last move."""
 
@@ -133,6 +134,21 @@ def test_where_the_limits_forbid_the_speed_it_is_said_by_how_much(recording: Rec
     assert wider.is_valid
 
 
+def test_a_failed_search_for_the_fastest_motion_does_not_blame_the_limits(robot: Baxter) -> None:
+    """A joint jumps to and fro by 40 mrad every 50 ms, which 10 mrad do not allow to smooth."""
+    times_s = np.arange(0.0, 2.0, 0.01)
+    q = np.tile(World(robot).q, (len(times_s), 1))
+    q[:, robot.joint_names.index("left_s0")] += 0.02 * (-1.0) ** (np.arange(len(q)) // 5)
+    percent = np.full((len(q), 2), OPEN)
+    given = Recording(robot.joint_names, times_s, q, percent, {}, {}, (), ())
+    made = motion_from(given, "left", tolerance_rad=TOLERANCE_RAD, speed="fastest")
+    assert made.fastest is None
+    assert made.excess_rad > 0.0
+    assert made.plan.failure is not None
+    assert "no fastest motion was found" in made.plan.failure.reason
+    assert "limits" not in made.plan.failure.reason
+
+
 def boxed(name: str, place: Any) -> Body:
     return Body(name, (Part(Box((0.1, 0.1, 0.1)), at(0.0, 0.0, 0.0)),), place)
 
@@ -161,9 +177,6 @@ def gapped(recording: Recording) -> Recording:
     kept = (times_s < 0.1) | (times_s > 0.7)
     arrays = {name: getattr(recording, name)[kept] for name in ("times_s", "q", "gripper_percent")}
     return evolve(recording, **arrays, body_poses={}, moves=(), events=(), captions=())
-
-
-CLOSING_S, OPEN, CLOSED = 1.0, 100.0, 20.0
 
 
 def moving_while_closing(
