@@ -142,7 +142,7 @@ def specimens_of(
         "commands": sim.recording.Commands(np.arange(2.0), np.zeros((2, 7)), np.ones((2, 7))),
         "comparison": sim.recording.Comparison(
             arm.joint_names,
-            *(np.arange(2.0), np.zeros((2, 7)), np.zeros(2)),
+            *(np.arange(2.0), np.zeros((2, 7)), np.zeros(2), 2, 1),
         ),
         "recorded plan": sim.recording.RecordedPlan(plan, 0.01, 0.02, "left_s0", 1.5),
         "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),

@@ -43,13 +43,17 @@ class Comparison:
         times_s: of the samples during moves, in the recording's time, shape (k,).
         off_rad: measured minus planned positions there, the lag taken out, shape (k, 7), rad.
         tip_off_m: distance of the tip from where it should be, shape (k,), m.
-        lag_s: the time shift of all joints; None if it is not known.
+        planned_moves: number of moves of the plan.
+        compared_moves: number of them that are in the recording; the others are not compared.
+        lag_s: the time shift of all joints, up to `MAX_LAG_S`; None if it is not known.
     """
 
     joint_names: tuple[str, ...] = sequence()
     times_s: FloatArray = array(None)
     off_rad: FloatArray = array(None, 7)
     tip_off_m: FloatArray = array(None)
+    planned_moves: int
+    compared_moves: int
     lag_s: float | None = field(default=None)
 
     @property
@@ -74,6 +78,11 @@ class Comparison:
         """Greatest distance of the tip."""
         return float(self.tip_off_m.max())
 
+    @property
+    def is_lag_at_bound(self) -> bool:
+        """Whether the lag is the greatest that was tried, so that the true one may be greater."""
+        return self.lag_s is not None and self.lag_s >= MAX_LAG_S - 0.5 * LAG_STEP_S
+
     def __str__(self) -> str:
         worst_at = np.abs(self.off_rad).argmax(axis=0)
         rows = [f"{'':<10}{'RMS':>12}{'worst':>12}{'at':>10}"]
@@ -85,17 +94,26 @@ class Comparison:
         tip_s = self.times_s[int(self.tip_off_m.argmax())]
         tip = f"{1e3 * self.rms_tip_m:7.2f} mm  {1e3 * self.worst_tip_m:7.2f} mm  {tip_s:8.2f} s"
         lag = "not known" if self.lag_s is None else f"{self.lag_s:.3f} s, one for all joints"
-        return "\n".join([*rows, f"{'tip':<10}{tip}", f"lag       {lag}"])
+        if self.is_lag_at_bound:
+            lag += "; WARNING: the greatest that was tried, the true one may be greater"
+        moves = f"{self.compared_moves} of {self.planned_moves} in the recording"
+        if self.compared_moves < self.planned_moves:
+            moves += "; WARNING: the others are not compared"
+        return "\n".join([*rows, f"{'tip':<10}{tip}", f"lag       {lag}", f"moves     {moves}"])
 
     def _facts(self) -> tuple[str, ...]:
         worst = f"at most {1e3 * self.worst_rad.max():.2f} mrad, {1e3 * self.worst_tip_m:.2f} mm"
-        return side_of(self.joint_names), count(len(self.times_s), "sample"), worst
+        moves = f"{self.compared_moves} of {count(self.planned_moves, 'move')}"
+        return side_of(self.joint_names), moves, count(len(self.times_s), "sample"), worst
 
 
 def compare_run(
     plan: Plan, recording: Recording, *, robot: Baxter | None = None, speed: float = 1.0
 ) -> Comparison:
     """How far an arm was from its plan during its moves.
+
+    Where the recording says which moves were carried out, only these are compared; the result says
+    how many of the plan's moves they are.
 
     Args:
         plan: what was executed.
@@ -127,7 +145,8 @@ def compare_run(
         [arm.T_base_tip(q).translation for q in pair] for pair in zip(found, planned, strict=True)
     ]
     tip_off_m = np.linalg.norm(np.diff(tips, axis=1)[:, 0], axis=1)
-    return Comparison(names, times_s, found - planned, tip_off_m, lag_s)
+    compared = sum(measured.during(span).size > 0 for span in spans)
+    return Comparison(names, times_s, found - planned, tip_off_m, len(motions), compared, lag_s)
 
 
 class _Motion(NamedTuple):

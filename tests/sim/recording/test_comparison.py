@@ -15,6 +15,7 @@ from sim import Recording, read_recording, save_recording
 from sim.errors import RecordingError
 from sim.recording import Comparison, compare_run
 from sim.recording.__main__ import main
+from sim.recording.comparison import MAX_LAG_S
 from sim.recording.plot import plot_comparison
 from sim.recording.recorder import planned_recording
 
@@ -45,6 +46,39 @@ def test_a_run_as_planned_is_nowhere_off(plan: Plan, run: Recording) -> None:
     assert found.lag_s == 0.0
     assert found.worst_rad.max() < 1e-9
     assert found.worst_tip_m < 1e-9
+    assert found.compared_moves == found.planned_moves == len(plan.moves)
+    assert "WARNING" not in str(found)
+
+
+def test_the_moves_that_are_missing_in_a_recording_are_counted(plan: Plan, run: Recording) -> None:
+    """The recording of the first move does not show how well the second one was done."""
+    two = evolve(plan, steps=plan.moves[:2], failure=None)
+    (first,) = [move for move in run.moves if move.limb == plan.limb][:1]
+    kept = run.times_s <= first.start_s + first.trajectory.duration
+    arrays = {name: getattr(run, name)[kept] for name in ("times_s", "q", "gripper_percent")}
+    given = evolve(run, **arrays, body_poses={}, moves=(first,), events=(), captions=())
+    found = compare_run(two, given)
+    assert (found.compared_moves, found.planned_moves) == (1, 2)
+    assert "moves     1 of 2 in the recording; WARNING" in str(found)
+
+
+def test_a_move_that_began_after_the_last_sample_is_not_in_the_recording(
+    plan: Plan, run: Recording
+) -> None:
+    own = [move for move in run.moves if move.limb == plan.limb]
+    kept = run.times_s < own[-1].start_s
+    arrays = {name: getattr(run, name)[kept] for name in ("times_s", "q", "gripper_percent")}
+    given = evolve(run, **arrays, body_poses={}, events=(), captions=())
+    assert compare_run(plan, given).compared_moves == len(plan.moves) - 1
+
+
+def test_a_lag_at_the_bound_of_its_search_is_told(plan: Plan, run: Recording) -> None:
+    q = np.array(run.q)
+    for column in q.T:
+        column[:] = np.interp(run.times_s - 1.5 * MAX_LAG_S, run.times_s, column)
+    found = compare_run(plan, evolve(run, q=q))
+    assert found.is_lag_at_bound
+    assert "WARNING: the greatest that was tried" in str(found)
 
 
 def test_lag_is_taken_out_and_the_rest_is_told_of_each_joint(
@@ -112,6 +146,7 @@ def test_the_command_prints_a_table_and_draws(
     assert main([*arguments, "--plot", str(files[2])]) == 0
     printed = capsys.readouterr().out
     assert "left_e1" in printed
+    assert "moves     6 of 6 in the recording" in printed
     assert "lag       0.1" in printed
     assert files[2].read_bytes().startswith(b"\x89PNG")
     assert main(["compare", str(files[0]), str(files[3])]) == 2
@@ -126,4 +161,4 @@ def test_a_plot_has_a_line_for_each_joint_and_the_tip(plan: Plan, lagged: Record
 
 def test_a_comparison_of_other_shapes_is_refused() -> None:
     with pytest.raises(RecordingError):
-        Comparison(("left_s0",), np.zeros(2), np.zeros((2, 6)), np.zeros(2))
+        Comparison(("left_s0",), np.zeros(2), np.zeros((2, 6)), np.zeros(2), 1, 1)
