@@ -360,7 +360,7 @@ class IKService(OneLine):
         pose = checked_pose(T_base_tip)
         if choice.objective is not None:
             return self._best(first, pose, choice.objective, choice.scope)
-        here = _checked_seed(self.arm, current, "current")
+        here = self.arm.configuration(current, "current")  # also where it is outside the limits
         nearest = self._best(first, pose, SmallestStep(here), Scope.ALL)
         return _within_step(nearest, here, choice.max_step_rad)
 

@@ -220,6 +220,21 @@ def test_the_nearest_solution_is_found_where_a_search_from_here_jumps(arm: Arm) 
     assert np.abs(near).max() <= 0.3 < 0.5 * np.abs(jump).max()
 
 
+def test_steps_are_measured_from_joints_slightly_outside_their_limits(left: Arm) -> None:
+    """As measured, not as clamped to the limits for a seed."""
+    ik, on_limit = IKService(left), np.array(left.start)
+    on_limit[3] = left.limits.q_max[3]
+    current, T = on_limit.copy(), left.T_base_tip(on_limit)
+    current[3] += 0.019
+    for given in (current, left.joints(current)):
+        wide = ik.solve(T, current=given, max_step_rad=0.02)
+        assert wide.is_valid
+        assert 0.019 - TOLERANCE <= np.abs(wide.q - current).max() <= 0.02
+        narrow = ik.solve(T, current=given, max_step_rad=0.005)
+        assert narrow.failure is not None
+        assert narrow.failure.nearest_step_rad == np.abs(narrow.q - current).max()
+
+
 def test_a_path_in_small_steps_is_followed_without_jumps(left: Arm, ik: IKService) -> None:
     """Each result is within the step of the last valid one, also behind poses that have none."""
     rng, kinds = np.random.default_rng(8), [0, 0, 0]
