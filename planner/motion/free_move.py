@@ -167,12 +167,9 @@ def _upright_move(
     """
     arm, limits, ends = context.checker.arm, straight.limits, straight.q[[0, -1]]
     for which, q in zip(("start", "goal"), ends, strict=True):
-        tilt_rad = max_tilt_rad(arm, Trajectory.stay(q, limits), upright.axis)
-        if tilt_rad > upright.max_tilt_rad:
-            raise FreeMoveError(
-                f"{which} leans by {math.degrees(tilt_rad):.2f} deg, and at most "
-                f"{math.degrees(upright.max_tilt_rad):g} deg are allowed"
-            )
+        refusal = upright.refusal(max_tilt_rad(arm, Trajectory.stay(q, limits), upright.axis))
+        if refusal:
+            raise FreeMoveError(f"{which} {refusal}")
 
     def is_kept(motion: Trajectory) -> bool:
         return upright.is_kept_by(arm, motion) and is_clear(motion)

@@ -54,8 +54,10 @@ class Upright:
     Attributes:
         axis: points up where it is upright; seen from the body that is carried, or, for
             `plan_free_move`, from the tip. Kept as a unit vector.
-        max_tilt_rad: maximum angle between the axis and the vertical, up to half a turn.
+        max_tilt_rad: maximum angle between the axis and the vertical, up to half a turn. Motions,
+            and so their ends, are planned to lean by at most `RESERVED_RAD` less.
         is_required: whether there is no plan where none keeps it; otherwise the axis may then lean.
+            `plan_free_move` ignores this, and always requires it.
 
     Raises:
         MotionError: when the axis is not three numbers with a length, or the angle is not a number
@@ -92,7 +94,17 @@ class Upright:
 
     def is_kept_by(self, arm: Arm, motion: Trajectory) -> bool:
         """Whether the axis, seen from the tip, stays within the cone at samples of a motion."""
-        return max_tilt_rad(arm, motion, self.axis) <= self.max_tilt_rad - RESERVED_RAD
+        return not self.refusal(max_tilt_rad(arm, motion, self.axis))
+
+    def refusal(self, tilt_rad: float) -> str:
+        """Why the axis must not lean by an angle at an end or a sample; empty where it may."""
+        if tilt_rad <= self.max_tilt_rad - RESERVED_RAD or self.max_tilt_rad == math.pi:
+            return ""
+        tilt, allowed, reserved = map(math.degrees, (tilt_rad, self.max_tilt_rad, RESERVED_RAD))
+        return (
+            f"leans by {tilt:.4f} deg, and at most {allowed - reserved:.4f} deg are allowed: "
+            f"{allowed:g} deg, less {reserved:.4f} deg in reserve for the motion between samples"
+        )
 
     def _facts(self) -> tuple[str, ...]:
         return f"within {math.degrees(self.max_tilt_rad):g} deg", f"axis {list(self.axis)}"

@@ -305,12 +305,9 @@ def leaning_failure(request: PlanRequest, task: PickAndPlace) -> PlanFailure | N
     for stage, T in (("pick: close", task.T_base_pick), ("place: descend", task.T_base_place)):
         up = float(T.rotation[2] @ np.array(upright.axis))
         tilt_rad = math.acos(min(1.0, max(-1.0, up)))
-        if tilt_rad > upright.max_tilt_rad:
-            reason = (
-                f"{task.body} leans by {math.degrees(tilt_rad):.2f} deg there, and at most "
-                f"{math.degrees(upright.max_tilt_rad):g} deg are allowed"
-            )
-            return PlanFailure(stage, reason, is_certain=True)
+        refusal = upright.refusal(tilt_rad)
+        if refusal:
+            return PlanFailure(stage, f"{task.body} {refusal}", is_certain=True)
     return None
 
 

@@ -20,6 +20,7 @@ from planner import (
     PickAndPlace,
     Plan,
     Scene,
+    Trajectory,
     Upright,
     load_plan,
     plan_free_move,
@@ -29,7 +30,7 @@ from planner import (
     verify,
 )
 from planner.errors import FreeMoveError, MotionError, TaskError
-from planner.motion.upright import max_tilt_rad
+from planner.motion.upright import RESERVED_RAD, max_tilt_rad
 from tests.conftest import overhead
 from tests.planner.pick_place.conftest import PICK, PLACE, box, planned
 
@@ -116,7 +117,8 @@ def test_a_place_where_it_leans_is_refused_for_certain(
     assert failure is not None
     assert failure.is_certain
     assert str(failure) == (
-        "place: descend: block leans by 3.00 deg there, and at most 2 deg are allowed"
+        "place: descend: block leans by 2.9997 deg, and at most 1.9989 deg are allowed: "
+        "2 deg, less 0.0011 deg in reserve for the motion between samples"
     )
 
 
@@ -207,3 +209,28 @@ def test_an_end_that_leans_is_refused(manipulator: Manipulator) -> None:
             plan_free_move(q, arm.start, arm.limits, context, upright=upright)
     with pytest.raises(MotionError):
         plan_free_move(q, q, arm.limits, context, upright=0.1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("excess_rad", "is_refused"), [(-1e-6, False), (1e-6, True)])
+def test_ends_may_lean_as_far_as_motions(
+    manipulator: Manipulator, excess_rad: float, is_refused: bool
+) -> None:
+    """An end is refused as such if, and only if, no motion from it would be accepted."""
+    arm, context = manipulator.arm, manipulator.context(Scene.of([]))
+    q = manipulator.ik.solve(overhead(0.6, 0.5, -0.1), current=arm.start).q
+    axis = Upright((0.3, 0.0, -0.9)).axis
+    tilt_rad = max_tilt_rad(arm, Trajectory.stay(q, arm.limits), axis)
+    bound_rad = tilt_rad - excess_rad + RESERVED_RAD
+    upright = Upright(axis, bound_rad)
+    if is_refused:
+        with pytest.raises(FreeMoveError, match=r"start leans by .* in reserve"):
+            plan_free_move(q, q, arm.limits, context, upright=upright)
+    else:
+        assert plan_free_move(q, q, arm.limits, context, upright=upright).duration == 0.0
+
+
+def test_half_a_turn_allows_every_end(manipulator: Manipulator) -> None:
+    arm, context = manipulator.arm, manipulator.context(Scene.of([]))
+    q = manipulator.ik.solve(overhead(0.6, 0.5, -0.1), current=arm.start).q
+    upright = Upright(tuple(-arm.T_base_tip(q).rotation[2]), math.pi)  # points down
+    assert plan_free_move(q, q, arm.limits, context, upright=upright).duration == 0.0
