@@ -102,12 +102,14 @@ def plan_free_move(
         rng: source of random numbers; the same ones give the same motion, unless the time expires.
             By default, always the same.
         timeout_s: maximum duration of the search for paths; optimising them takes additional time.
+            With `upright`, no further guess of the motion is optimised after it.
         margin_m: distance to keep while searching; near start and goal, as far as these keep it.
         clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
             warning in the log, instead of refused; a start outside by at most 1e-6 rad always is,
             without a warning.
         upright: an axis of the tip that stays within a cone; samples of a motion are checked. No
-            paths are searched then, as hardly any random configuration is upright.
+            paths are searched then, as hardly any random configuration is upright. The cone is
+            required, whatever its `is_required` says.
 
     Raises:
         FreeMoveError: when start or goal collides or leans, no path is found or proven, or OMPL
@@ -138,7 +140,13 @@ def plan_free_move(
             raise FreeMoveError(f"{which} in collision: {near}")
     straight = plan_joint_move(ends[0], ends[1], limits)
     if upright is not None:
-        return _upright_move(straight, context, judge, margin_m, upright)
+        motion = _upright_move(straight, context, judge, margin_m, upright, deadline_s=deadline_s)
+        if motion is not None:
+            return motion
+        max_deg, late = math.degrees(upright.max_tilt_rad), ""
+        if time.monotonic() > deadline_s:
+            late = f" in {timeout_s:g} s; allow more time, or there is none"
+        raise FreeMoveError(f"no motion was found that stays upright within {max_deg:g} deg{late}")
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
     motion, refused = _Search(
@@ -160,10 +168,14 @@ def _upright_move(
     is_clear: IsClear,
     margin_m: float,
     upright: Upright,
-) -> Trajectory:
-    """The fastest motion found that stays upright.
+    *,
+    deadline_s: float,
+) -> Trajectory | None:
+    """The first motion found that stays upright; None when none is found.
 
-    Raises FreeMoveError when none is found.
+    At least one guess is tried; no other one is begun after the deadline.
+
+    Raises FreeMoveError when start or goal leans.
     """
     arm, limits, ends = context.checker.arm, straight.limits, straight.q[[0, -1]]
     for which, q in zip(("start", "goal"), ends, strict=True):
@@ -193,9 +205,9 @@ def _upright_move(
             for (motion,) in led_around(solved, [obstacles], [sketch]):
                 if is_kept(motion):
                     return motion
-    raise FreeMoveError(
-        f"no motion was found that stays upright within {math.degrees(upright.max_tilt_rad):g} deg"
-    )
+            if time.monotonic() > deadline_s:
+                return None
+    return None
 
 
 def _upright_sketches(arm: Arm, straight: Trajectory) -> Iterator[Sketch]:

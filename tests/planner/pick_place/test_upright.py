@@ -201,6 +201,25 @@ def test_over_a_wall_too(manipulator: Manipulator, scene: Scene) -> None:
     assert context.is_clear(motion)
 
 
+def test_the_search_for_an_upright_motion_ends_at_its_timeout(manipulator: Manipulator) -> None:
+    """After the first guess; whether the cone is required makes no difference to a free move."""
+    arm, context, judged = manipulator.arm, manipulator.context(Scene.of([])), [0, 0]
+    start = manipulator.ik.solve(overhead(0.6, 0.5, -0.1), current=arm.start).q
+    goal = manipulator.ik.solve(overhead(0.8, -0.1, 0.2), current=start).q
+    wish = evolve(HAND_DOWN, is_required=False)
+    for number, (timeout_s, message) in enumerate([(1e-6, "in 1e-06 s"), (600.0, "within 5 deg$")]):
+
+        def is_clear(motion: Trajectory, number: int = number) -> bool:
+            judged[number] += 1
+            return False
+
+        with pytest.raises(FreeMoveError, match=message):
+            plan_free_move(
+                *(start, goal, arm.limits, context, is_clear), timeout_s=timeout_s, upright=wish
+            )
+    assert 1 <= judged[0] < judged[1]
+
+
 def test_an_end_that_leans_is_refused(manipulator: Manipulator) -> None:
     arm, context = manipulator.arm, manipulator.context(Scene.of([]))
     q = manipulator.ik.solve(overhead(0.6, 0.5, -0.1), current=arm.start).q
