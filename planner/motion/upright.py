@@ -31,12 +31,17 @@ DEFAULT_TILT_RAD = math.radians(10.0)
 MIN_TILT_RAD = 1e-3
 """Minimum angle of a cone: lines of the tip may turn by a third of that."""
 
+MIN_LENGTH = 1e-6
+"""Minimum length of an axis as it is given; its direction is lost in rounding below."""
+
 
 def _checked_axis(value: object) -> tuple[float, ...]:
     vector = finite_array(value, (3,), "the upright axis", MotionError)  # type: ignore[arg-type]
-    size = float(np.linalg.norm(vector))
-    if size < MIN_TILT_RAD:
-        raise MotionError(f"the upright axis must have a length, got {vector.tolist()}")
+    size = math.hypot(*vector.tolist())
+    if not MIN_LENGTH <= size < math.inf:
+        raise MotionError(
+            f"the upright axis must have a length from {MIN_LENGTH:g} on, got {vector.tolist()}"
+        )
     return tuple((vector / size).tolist())
 
 

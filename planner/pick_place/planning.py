@@ -253,7 +253,7 @@ def plan_retract(
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
         TaskError: when the height is not a number above zero, or is beyond `MAX_DISTANCE_M`, both
-            it and `retreat` are given, or that is not of type `Line`.
+            it and `retreat` are given, or none of them, or that is not of type `Line`.
         MotionError: when the margin is not a number, or negative, or a tolerance has the wrong
             type.
     """
@@ -270,6 +270,8 @@ def plan_retract(
     )
     lines = checked_lines(retreat)
     if not lines:
+        if isinstance(height_m, float) and math.isnan(height_m):
+            raise TaskError("give height_m or retreat")
         lines = (Line(UP, checked_height_m(height_m, "height_m", TaskError)),)
     elif not math.isnan(height_m):
         raise TaskError("give either height_m or retreat=, not both")

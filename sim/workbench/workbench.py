@@ -66,6 +66,9 @@ EDGE_M = 0.05
 PLACED_WITHIN_M = 0.003
 """Maximum distance of a placed block from its goal."""
 
+MIN_UPRIGHT_DEG = 0.06
+"""Minimum of `upright_deg`, just above that of `Upright.max_tilt_rad`."""
+
 
 @frozen(error=SimulationError, eq=True)
 class TaskResult:
@@ -534,4 +537,7 @@ def _upright(body: Body, max_deg: float | None) -> Upright:
     """What is required of a block on its way, or preferred where nothing is."""
     if max_deg is None:
         return Upright.of(body, DEFAULT_TILT_RAD, is_required=False)
-    return Upright.of(body, math.radians(finite_scalar(max_deg, "upright_deg", MotionError)))
+    angle_deg, min_deg = finite_scalar(max_deg, "upright_deg", MotionError), MIN_UPRIGHT_DEG
+    if not min_deg <= angle_deg <= 180.0:
+        raise MotionError(f"upright_deg must be from {min_deg:g} to 180, got {angle_deg:g}")
+    return Upright.of(body, math.radians(angle_deg))

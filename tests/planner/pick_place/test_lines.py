@@ -142,6 +142,8 @@ def test_an_empty_hand_leaves_a_bin_along_lines(
     there = raised(PICK, LIFT_M).translation - [OUT_M, 0.0, 0.0]
     np.testing.assert_allclose(T_end.translation, there, atol=CONTINUITY_M)
     assert not plan_retract(manipulator, empty, q, 0.15).is_valid
+    with pytest.raises(TaskError, match="give height_m or retreat"):
+        plan_retract(manipulator, empty, q)
     with pytest.raises(TaskError, match="not both"):
         plan_retract(manipulator, empty, q, 0.15, retreat=BACK)
 

@@ -151,6 +151,8 @@ def test_where_none_is_found_it_says_so_and_a_wish_is_dropped(
     "given",
     [
         {"axis": (0.0, 0.0, 0.0)},
+        {"axis": (0.0, 0.0, 1e-7)},
+        {"axis": (0.0, 1.7e308, 1.7e308)},
         {"axis": (0.0, 1.0)},
         {"axis": "up"},
         {"axis": (0.0, np.nan, 1.0)},
@@ -165,6 +167,10 @@ def test_where_none_is_found_it_says_so_and_a_wish_is_dropped(
 def test_what_is_no_cone_is_refused(given: dict[str, Any]) -> None:
     with pytest.raises(MotionError):
         Upright(**given)
+
+
+def test_a_short_axis_is_made_a_unit_vector() -> None:
+    assert Upright((0.0, 0.0, 1e-4)).axis == (0.0, 0.0, 1.0)
 
 
 def test_what_is_not_upright_is_no_requirement_of_a_task() -> None:

@@ -13,7 +13,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.errors import PoseError, UnknownNameError
 from planner import make_block, verify
-from planner.errors import SceneError
+from planner.errors import MotionError, SceneError
 from sim import EventKind, SimulationError, TaskResult, Workbench
 from sim.workbench.tabletop import TABLE_Z_M, on_table
 from tests.conftest import at
@@ -203,6 +203,10 @@ NOWHERE: Any = [
         ("red", {"to": (0.7, 0.0), "onto": "red"}, SimulationError, "where the block goes"),
         ("red", {"to": pin.SE3(2.0 * np.eye(3), np.zeros(3))}, PoseError, "rotation"),
         *(("red", {"to": to}, SceneError, "a place is x and y in base in m") for to in NOWHERE),
+        *(
+            ("red", {"to": (0.7, 0.0), "upright_deg": deg}, MotionError, "upright_deg must be")
+            for deg in (0.0, -5.0, 0.058, 181.0, math.nan, "5")
+        ),
     ],
 )
 def test_an_order_that_has_no_meaning_is_refused(
