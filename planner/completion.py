@@ -62,11 +62,13 @@ def manipulator_for(plan: Plan, manipulator: Manipulator | None) -> Manipulator:
 
 
 def tilt_of(plan: Plan, *, manipulator: Manipulator | None = None) -> float:
-    """By how much a body leans on its way: the greatest angle from how it was grasped, rad.
+    """By how much a body leans on its way: the greatest angle from how it was first held, rad.
 
-    The angle is that between the vertical and the axis of the body which was vertical at the grasp,
-    at samples, 8 in each interval of a move. What a plan states of an upright axis is proven at
-    every instant (`Upright`, `verify`).
+    The angle is that between the vertical and the axis of the body which was vertical at the start
+    of the first move that carries it, at samples, 8 in each interval of a move. In a plan that
+    grasps the body, that is how it was grasped. In a plan that begins with the body in the hand, it
+    is how the body is held then, which may lean already. What a plan states of an upright axis is
+    proven at every instant (`Upright`, `verify`).
 
     Args:
         plan: the plan.

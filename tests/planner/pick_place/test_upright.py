@@ -29,6 +29,7 @@ from planner import (
     tilt_of,
     verify,
 )
+from planner.completion import state_of
 from planner.errors import FreeMoveError, MotionError, TaskError
 from planner.motion.upright import RESERVED_RAD, max_tilt_rad
 from tests.conftest import overhead
@@ -74,6 +75,22 @@ def test_moves_that_carry_state_the_cone_and_it_is_certified(kept: Plan, tmp_pat
     save_plan(kept, tmp_path / "plan.json")
     certificate = verify(load_plan(tmp_path / "plan.json"))
     assert certificate.is_valid, certificate.verdict
+
+
+def test_the_tilt_of_a_body_in_the_hand_is_measured_from_the_start_of_the_plan(
+    plan: Plan, manipulator: Manipulator
+) -> None:
+    """Of the demo's cycle without its grasp, cut where the body leans."""
+    index, move = next(
+        (index, step)
+        for index, step in enumerate(plan)
+        if isinstance(step, Move) and step.label == "place: descend"
+    )
+    held = evolve(plan, start=state_of(move), steps=plan.steps[index : index + 1])
+    R = manipulator.arm.T_base_tip(move.trajectory.q_start).rotation
+    tilt_rad = max_tilt_rad(manipulator.arm, move.trajectory, tuple(R[2]))
+    assert tilt_of(held) == pytest.approx(tilt_rad, abs=1e-9)
+    assert tilt_of(held) < tilt_of(plan)
 
 
 def with_values(plan: Plan, values: Mapping[str, float]) -> Plan:
