@@ -29,10 +29,14 @@ from numpy.typing import ArrayLike
 from baxter_kin.fields import evolve
 from baxter_kin.validation import expect, expect_all
 from planner.clearance import checked_margin_m
-from planner.errors import MotionError, ResponseError, SceneError, TaskError
+from planner.errors import ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD, checked_start
-from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
+from planner.motion.paths.straight_line import (
+    DEFAULT_TOLERANCE,
+    LineTolerance,
+    checked_line_tolerance,
+)
 from planner.motion.response import Response
 from planner.motion.upright import Upright
 from planner.pick_place.cycle_search import CycleSearch, leaning_failure
@@ -317,7 +321,7 @@ def _requested(
     elif scene is None and q is None:
         raise TaskError("give the scene and the arm's position, or state=")
     bodies = expect(scene, Scene, "scene", SceneError)
-    expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
+    checked_line_tolerance(line_tolerance)
     arm = manipulator.arm
     for holding in attachments:
         if holding.side == arm.side:

@@ -18,6 +18,9 @@ ZARR = ("where_to_put_the_table",)
 LONG = (
     "tutorial",
     "plan_around_obstacles",
+    "follow_a_path",
+    "into_a_shelf",
+    "keep_it_upright",
     "proofs",
     "record_and_replay",
     "teach_and_replay",

@@ -1,7 +1,8 @@
 """A chain of configurations along a path of the tip, as an initial guess.
 
 Inverse kinematics gives many configurations at the start of each piece and at the end of the last.
-Dynamic programming chooses the chain whose motions from rest to rest are quickest. Whether the arm
+Dynamic programming chooses the chain with the least sum of squared durations of motions from rest
+to rest. Whether the arm
 can follow a piece from one configuration to the next is tried only for those that are chosen; where
 it cannot, that step is struck out and the chain is chosen anew.
 """
@@ -29,9 +30,9 @@ LOOKS, MAX_JUMP_RAD, MAX_JUMP_RATIO = 6, 0.35, 3.0
 """Number of steps along a piece; and the maximum change of a joint in one of them, in rad, or as a
 multiple of its average change where that is more."""
 
-MAX_STRIDE_RAD, MAX_TRIES = 1.2, 400
-"""Maximum change of a joint along a piece, and maximum number of steps of the chain that are
-tried."""
+MAX_STEP_RAD, MAX_REFUSED = 1.2, 400
+"""Maximum change of a joint along a piece, and maximum number of steps of the chain that the arm
+cannot follow before the search gives up."""
 
 ROOM_COST, ROOM = 0.05, 0.02
 """Cost of a configuration at a limit, in s^2, and the share of a joint's range in which it falls by
@@ -48,11 +49,11 @@ class NoChain(NamedTuple):
     Attributes:
         waypoint: number of the end of a piece that has no configuration, or to which none leads
             from the ones before; 0 is the start of the path.
-        is_reachable: whether it has a configuration at all.
+        reason: why; empty where it has no configuration at all.
     """
 
     waypoint: int
-    is_reachable: bool
+    reason: str = ""
 
 
 class Chain:
@@ -145,7 +146,7 @@ def find_chain(
     q_start: FloatArray | None = None,
     is_free: Callable[[FloatArray], bool] | None = None,
 ) -> Chain | NoChain:
-    """The quickest chain along pieces, or where there is none.
+    """The chain along pieces with the least cost, or where there is none.
 
     Args:
         ik: inverse kinematics of the arm.
@@ -161,31 +162,34 @@ def find_chain(
         layers[0] = q_start[None]
     for number, layer in enumerate(layers):
         if not len(layer):
-            return NoChain(number, is_reachable=False)
+            return NoChain(number)
         if is_free is not None:
             layers[number] = layer[[is_free(q) for q in layer]]
             if not len(layers[number]):
-                return NoChain(number, is_reachable=True)
+                return NoChain(
+                    number, "every configuration that was found there is too near to something"
+                )
     costs = [_costs(*pair, limits) for pair in itertools.pairwise(layers)]
-    follower, known, tries = Follower(ik, limits, tolerance), set(), 0
-    while tries < MAX_TRIES:
+    follower, known = Follower(ik, limits, tolerance), set()
+    refused, farthest = 0, 0
+    while refused < MAX_REFUSED:
         way = _quickest(costs)
         if isinstance(way, int):
-            return NoChain(way, is_reachable=True)
+            return NoChain(way, "no configuration there can be reached along the path")
         is_chain = True
         for k, (i, j) in enumerate(itertools.pairwise(way)):
             if (k, i, j) in known:
                 continue
-            tries += 1
             between = follower.follows(layers[k][i], layers[k + 1][j], pieces[k])
             if between and (is_free is None or all(map(is_free, between))):
                 known.add((k, i, j))
             else:
                 costs[k][i, j], is_chain = np.inf, False
+                refused, farthest = refused + 1, max(farthest, k + 1)
         if is_chain:
             qs = np.array([layer[i] for layer, i in zip(layers, way, strict=True)])
             return Chain(ik, limits, pieces, qs, tolerance)
-    return NoChain(len(pieces), is_reachable=True)
+    return NoChain(farthest, f"no way on was found in {MAX_REFUSED} attempts")
 
 
 def _solutions(ik: IKService, T_base_tip: pin.SE3, tolerance: LineTolerance) -> FloatArray:
@@ -205,7 +209,7 @@ def _costs(first: FloatArray, second: FloatArray, limits: JointLimits) -> FloatA
     room = np.minimum(second - limits.q_min, limits.q_max - second)
     share = (room / (limits.q_max - limits.q_min)).min(axis=1)
     costs = rest_to_rest_s(ways, limits) ** 2 + ROOM_COST * np.exp(-share / ROOM)
-    found: FloatArray = np.where(np.abs(ways).max(axis=2) > MAX_STRIDE_RAD, np.inf, costs)
+    found: FloatArray = np.where(np.abs(ways).max(axis=2) > MAX_STEP_RAD, np.inf, costs)
     return found
 
 

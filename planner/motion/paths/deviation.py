@@ -67,11 +67,24 @@ def _from_piece(piece: Piece, tolerance: LineTolerance, T_base_tips: FloatArray)
         slopes = np.hstack([piece.slopes(s), slope]) / units
         first, second = (np.einsum("mi,mi->m", each, slopes) for each in (error, slopes))
         s = (s - first / np.maximum(second, MIN_SQUARE)).clip(0.0, 1.0)
-    turned, _ = _turned(piece, tolerance, s, R)
     off_m = np.linalg.norm(piece.positions(s) - p, axis=1)
-    off_rad = np.arcsin(np.linalg.norm(turned, axis=1).clip(max=1.0))
+    off_rad = _angles(piece, tolerance, s, R)
     share = np.maximum(off_m / tolerance.position_m, off_rad / tolerance.rotation_rad)
     return Deviations(off_m, off_rad, share)
+
+
+def _angles(piece: Piece, tolerance: LineTolerance, s: FloatArray, R: FloatArray) -> FloatArray:
+    """Angles to the poses of a piece, or between axes, as far as they are not free, shape (m,)."""
+    turned, _ = _turned(piece, tolerance, s, R)
+    wanted = piece.rotations(s)
+    cosines = np.ones(len(s))
+    if tolerance.turn is Turn.ABOUT_AXIS:
+        axis = "xyz".index(tolerance.free_about)
+        cosines = np.einsum("mi,mi->m", R[:, :, axis], wanted[:, :, axis])
+    elif tolerance.turn is Turn.FIXED:
+        cosines = (np.einsum("mij,mij->m", R, wanted) - 1.0) / 2.0
+    angles: FloatArray = np.arctan2(np.linalg.norm(turned, axis=1), cosines)
+    return angles
 
 
 def _turned(

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import count, millimetres
+from baxter_kin.display import count, millimetres, millimetres_hint
 from baxter_kin.fields import array, field, frozen, scalar
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from baxter_kin.validation import FloatArray
-from planner.errors import MotionError
+from planner.errors import MotionError, StraightMoveError
 from planner.motion.paths.pieces import MIN_LENGTH, Piece
 from planner.motion.paths.straight_line import StraightLine
+from planner.scene.bodies import MAX_DISTANCE_M
 
 MAX_PIECE_M, MAX_PIECE_RAD, MAX_ARC_RAD = 0.15, 0.5, math.pi / 4.0
 """Maximum length and rotation of a piece, and angle of an arc in one: a cubic is off an arc of 45
@@ -24,6 +25,13 @@ deg by 4.3e-6 of its radius."""
 
 CURVE_ACCURACY_M, CURVE_ACCURACY_RAD, MAX_HALVINGS = 2e-6, 2e-5, 10
 """Accuracy of the pieces of a curve, and how often a piece of it is halved for it."""
+
+CURVE_SAMPLES = tuple((np.arange(1, 24) * 0.6180339887498949 % 1.0).tolist())
+"""Fractions of a piece at which it is compared with its curve: multiples of the golden ratio, which
+no period of a curve fits."""
+
+MAX_PIECES, MAX_ANGLE_RAD = 2000, 1000.0
+"""Maximum number of pieces of a part of a path, and maximum angle of an arc."""
 
 MAX_GAP_M, MAX_GAP_RAD = 1e-6, 1e-6
 """Maximum distance between the end of a part of a path and the start of the next."""
@@ -36,6 +44,8 @@ CORNER_RAD = 1e-3
 
 
 def _poses(values: Iterable[PoseLike]) -> tuple[pin.SE3, ...]:
+    if not isinstance(values, Iterable):
+        raise MotionError(f"a polyline needs a sequence of poses, got {type(values).__name__}")
     poses = tuple(map(checked_pose, values))
     if len(poses) < 2:
         raise MotionError(f"a polyline needs at least two poses, got {len(poses)}")
@@ -62,8 +72,11 @@ class Polyline:
 
     def pieces(self) -> Iterator[Piece]:
         """Its lines, cut where they are long."""
-        for start, goal in zip(self.poses[:-1], self.poses[1:], strict=True):
-            line = StraightLine(start, goal)
+        for number, (start, goal) in enumerate(pairwise(self.poses), 1):
+            try:
+                line = StraightLine(start, goal)
+            except StraightMoveError as cause:
+                raise MotionError(f"pose {number} of the polyline: {cause.reason}") from cause
             if not line.is_point:
                 yield from line.parts(_parts(line))
 
@@ -77,15 +90,15 @@ class Arc:
 
     Attributes:
         T_base_start: pose at its start.
-        centre: of the circle in base, shape (3,), m.
+        centre: a point of the axis in base, shape (3,), m.
         normal: direction of the axis in base, of any length, shape (3,).
-        angle_rad: angle about that axis by the right-hand rule, not zero.
+        angle_rad: angle about that axis by the right-hand rule, not zero, up to 1000.
         turns_hand: whether the orientation turns with the arc, instead of staying the same.
 
     Raises:
         PoseError: when the pose is invalid.
         MotionError: when a value is not finite, the normal or the angle is zero, or the start is on
-            the axis.
+            the axis or farther from it than `MAX_DISTANCE_M`.
     """
 
     T_base_start: pin.SE3 = field(converter=checked_pose)
@@ -95,20 +108,38 @@ class Arc:
     turns_hand: bool = False
 
     def __attrs_post_init__(self) -> None:
-        if not self.normal.any() or self.angle_rad == 0.0:
-            raise MotionError("an arc needs a normal and an angle other than zero")
-        if np.linalg.norm(np.cross(self.normal, self._spoke)) < MIN_LENGTH:
-            raise MotionError("an arc starts beside its axis, not on it")
+        if not self.normal.any() or not 0.0 < abs(self.angle_rad) <= MAX_ANGLE_RAD:
+            raise MotionError(
+                "an arc needs a normal other than zero, and an angle other than zero and up to "
+                f"{MAX_ANGLE_RAD:g} rad; got {self.angle_rad:g}"
+            )
+        if not MIN_LENGTH < self.radius_m <= MAX_DISTANCE_M:
+            raise MotionError(
+                f"an arc starts beside its axis, up to {MAX_DISTANCE_M:g} m from it; got "
+                f"{self.radius_m:g} m{millimetres_hint(self.radius_m)}"
+            )
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the circle."""
+        return float(np.linalg.norm(self._spoke))
+
+    @property
+    def _axis(self) -> FloatArray:
+        axis: FloatArray = self.normal / np.abs(self.normal).max()
+        return axis / np.linalg.norm(axis)
 
     @property
     def _spoke(self) -> FloatArray:
-        spoke: FloatArray = self.T_base_start.translation - self.centre
-        return spoke
+        """From the axis to the start, perpendicular to the axis."""
+        spoke = self.T_base_start.translation - self.centre
+        across: FloatArray = spoke - (spoke @ self._axis) * self._axis
+        return across
 
     def pieces(self) -> Iterator[Piece]:
         """Its parts, of at most 45 deg each."""
-        axis = self.normal / np.linalg.norm(self.normal)
-        longest_rad = min(MAX_ARC_RAD, MAX_PIECE_M / float(np.linalg.norm(self._spoke)))
+        axis, middle = self._axis, self.T_base_start.translation - self._spoke
+        longest_rad = min(MAX_ARC_RAD, MAX_PIECE_M / self.radius_m)
         if self.turns_hand:
             longest_rad = min(longest_rad, MAX_PIECE_RAD)
         parts = math.ceil(abs(self.angle_rad) / longest_rad - 1e-9)
@@ -119,15 +150,14 @@ class Arc:
             R, T = pin.exp3(k * step * axis), self.T_base_start
             spoke = R @ self._spoke
             turned = R @ T.rotation if self.turns_hand else T.rotation
-            return pin.SE3(turned, self.centre + spoke), tangent * np.cross(axis, spoke)
+            return pin.SE3(turned, middle + spoke), tangent * np.cross(axis, spoke)
 
         for k in range(parts):
             (start, first), (goal, last) = at(k), at(k + 1)
             yield Piece.between(start, goal, np.array([first, last]))
 
     def _facts(self) -> tuple[str, ...]:
-        radius_m = float(np.linalg.norm(self._spoke))
-        return f"radius {millimetres(radius_m)}", f"{math.degrees(self.angle_rad):g} deg"
+        return f"radius {millimetres(self.radius_m)}", f"{math.degrees(self.angle_rad):g} deg"
 
 
 @frozen(error=MotionError)
@@ -136,15 +166,15 @@ class Curve:
 
     Attributes:
         pose_at: pose of the tip at a length along the curve, 0 to `length_m`; position and
-            orientation change smoothly.
-        length_m: of the whole curve.
+            orientation change smoothly. Details of less than about 10 mm may be missed.
+        length_m: of the whole curve, up to `MAX_DISTANCE_M`.
 
     Raises:
-        MotionError: when the length is not above zero.
+        MotionError: when the length is not in its range.
     """
 
     pose_at: Callable[[float], Any]
-    length_m: float = scalar(above=0.0)
+    length_m: float = scalar(above=0.0, most=MAX_DISTANCE_M)
 
     def pieces(self) -> Iterator[Piece]:
         """Cubics, as many as its accuracy needs.
@@ -161,7 +191,7 @@ class Curve:
         length = end - begin
         slopes = np.array([self._slope(begin), self._slope(end)]) * length
         piece = Piece.between(self._at(begin), self._at(end), slopes)
-        off = [piece.error(s, self._at(begin + s * length)) for s in (0.25, 0.5, 0.75)]
+        off = [piece.error(s, self._at(begin + s * length)) for s in CURVE_SAMPLES]
         is_near = all(
             np.linalg.norm(each[:3]) <= CURVE_ACCURACY_M
             and np.linalg.norm(each[3:]) <= CURVE_ACCURACY_RAD
@@ -218,12 +248,15 @@ def pieces_of(path: TipPath | Sequence[TipPath]) -> tuple[Piece, ...]:
                 "a path is a Polyline, an Arc, a Curve or a sequence of them; got "
                 f"{type(path if part is None else part).__name__}"
             )
-        for piece in part.pieces():
-            if pieces:
-                _refuse_gap(pieces[-1].T_base_goal, piece.T_base_start, number)
-            pieces.append(piece)
+        of_part = tuple(islice(part.pieces(), MAX_PIECES + 1))
+        if not 1 <= len(of_part) <= MAX_PIECES:
+            size = "has no length" if not of_part else f"needs more than {MAX_PIECES} pieces"
+            raise MotionError(f"part {number} of the path {size}")
+        if pieces:
+            _refuse_gap(pieces[-1].T_base_goal, of_part[0].T_base_start, number)
+        pieces += of_part
     if not pieces:
-        raise MotionError("the path has no length: its tip stays where it is")
+        raise MotionError("the path has no parts")
     return tuple(pieces)
 
 

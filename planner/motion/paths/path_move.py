@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.display import seconds
-from baxter_kin.fields import array, frozen, sequence
+from baxter_kin.display import position, seconds
+from baxter_kin.fields import array, evolve, frozen, sequence
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, finite_array, positive_scalar
 from planner.collision.context import CollisionContext
@@ -23,7 +23,7 @@ from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.paths.windows import PathTask, Windows
 from planner.trajectory import Trajectory, joined
 
-START_M, START_RAD = 1e-6, 1e-5
+START = LineTolerance(2e-6, 1e-5)
 """Maximum distance of the tip from the start of the path."""
 
 RAMP_M, SPEED_RAMP_M, RAMP_POWER = 0.008, 0.004, 0.4
@@ -102,15 +102,15 @@ def plan_path_move(
     stop_at_corners: bool = False,
     context: CollisionContext | None = None,
 ) -> PathMove:
-    """The fastest motion of the tip along a path, from rest to rest.
+    """A fast motion of the tip along a path, from rest to rest: a local optimum.
 
     At samples at most 2 ms apart there is a point of the path from which the tip is no farther than
     the tolerance, in position and in rotation. Corners are rounded within it.
 
     Args:
         manipulator: the arm whose tip moves.
-        q_start: configuration at the start of the path, shape (7,), rad; None for the one from
-            which the path is followed fastest.
+        q_start: configuration at the start of the path, shape (7,), rad; None for the one that a
+            chain of quick motions from rest to rest through the path begins with.
         path: a polyline, an arc or a curve of the tip, or several that follow one another.
         tolerance: maximum deviation of the tip; it may leave the rotation about an axis free.
         speed_m_s: speed that the tip keeps where limits and corners allow it
@@ -145,7 +145,7 @@ def plan_path_move(
     task = PathTask(pieces, tolerance, stop_at_corners, speed_m_s, context)
     motions = Windows(arm, limits, task, chain).motions()
     if len(motions) < len(pieces):
-        raise _at_waypoint(pieces, len(motions), "no motion is found along the piece after it")
+        raise _at_waypoint(pieces, len(motions), "no motion onwards is found")
     move = PathMove(
         joined(motions),
         pieces,
@@ -158,11 +158,12 @@ def plan_path_move(
     worst = int(off.share.argmax())
     if off.share[worst] > 1.0:
         number = int(np.searchsorted(move.ends_s, times[worst]).clip(max=len(pieces) - 1))
+        faster = "" if speed_m_s is None else " or another speed"
         raise _at_waypoint(
             pieces,
             number,
             f"the motion that is found there is {1e3 * off.off_m[worst]:.3g} mm and "
-            f"{off.off_rad[worst]:.3g} rad off; a larger tolerance may help",
+            f"{off.off_rad[worst]:.3g} rad off; a larger tolerance{faster} may help",
         )
     if context is not None:
         proof = context.prove(move.trajectory)
@@ -174,7 +175,7 @@ def plan_path_move(
 def _refuse_other_start(arm: Arm, q: FloatArray, piece: Piece, tolerance: LineTolerance) -> None:
     tip = arm.T_base_tip(q).homogeneous[None]
     start = Piece(piece.T_base_start, np.zeros((3, 3)), np.zeros(3))
-    exact = LineTolerance(START_M * 2.0, START_RAD, tolerance.free_about)
+    exact = evolve(START, free_about=tolerance.free_about)
     off = deviations([start], exact, tip, np.zeros(1, dtype=np.intp))
     if off.share[0] > 1.0:
         raise MotionError(
@@ -185,9 +186,8 @@ def _refuse_other_start(arm: Arm, q: FloatArray, piece: Piece, tolerance: LineTo
 
 def _unreachable(manipulator: Manipulator, pieces: Sequence[Piece], at: NoChain) -> PathMoveError:
     """Why there is no chain of configurations."""
-    if at.is_reachable:
-        reason = "no configuration there can be reached along the path"
-        return _at_waypoint(pieces, at.waypoint, reason)
+    if at.reason:
+        return _at_waypoint(pieces, at.waypoint, at.reason)
     T = pieces[at.waypoint - 1].T_base_goal if at.waypoint else pieces[0].T_base_start
     found = manipulator.ik.solve(T)
     reason = "no configuration is found there" if found.is_valid else str(found.failure)
@@ -195,4 +195,6 @@ def _unreachable(manipulator: Manipulator, pieces: Sequence[Piece], at: NoChain)
 
 
 def _at_waypoint(pieces: Sequence[Piece], number: int, reason: str) -> PathMoveError:
-    return PathMoveError(sum(piece.length_m for piece in pieces[:number]), reason)
+    T = pieces[number - 1].T_base_goal if number else pieces[0].T_base_start
+    length_m = sum(piece.length_m for piece in pieces[:number])
+    return PathMoveError(length_m, f"at {position(T)}, {reason}")

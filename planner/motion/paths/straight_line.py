@@ -112,7 +112,12 @@ class LineTolerance:
             axis: of the tip; z points out of the hand.
             position_m: distance from the path.
             lean_rad: maximum angle between the wanted direction of the axis and the reached one.
+
+        Raises:
+            UnknownNameError: when there is no such axis.
         """
+        if axis not in tuple("xyz"):
+            raise UnknownNameError("axis", axis, tuple("xyz"))
         return cls(position_m, lean_rad, axis)
 
     @classmethod
@@ -133,6 +138,17 @@ class LineTolerance:
 
 DEFAULT_TOLERANCE = LineTolerance()
 """The default tolerance."""
+
+
+def checked_line_tolerance(value: object) -> LineTolerance:
+    """A tolerance of straight lines, which leaves no rotation free."""
+    tolerance = expect(value, LineTolerance, "line_tolerance", MotionError)
+    if tolerance.free_about:
+        raise MotionError(
+            f"line_tolerance leaves the tip free about {tolerance.free_about}; that is possible on "
+            "a path (plan_path_move), not on a straight line"
+        )
+    return tolerance
 
 
 def _to_endpoint(pose: PoseLike) -> pin.SE3:

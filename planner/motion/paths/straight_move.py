@@ -24,6 +24,7 @@ from planner.motion.paths.straight_line import (
     DEFAULT_TOLERANCE,
     LineTolerance,
     StraightLine,
+    checked_line_tolerance,
     intervals_of,
     is_on_line,
     knot_tolerance,
@@ -105,7 +106,7 @@ def plan_straight_move(
             f"the limits are for {', '.join(names)}; the {arm.side} arm has "
             f"{', '.join(arm.joint_names)}"
         )
-    tolerance = expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
+    tolerance = checked_line_tolerance(line_tolerance)
     q = checked_start(q_start, limits, clip_start=clip_start)
     line = StraightLine(arm.T_base_tip(q), T_base_goal)
     rates = (

@@ -211,6 +211,9 @@ class Windows:
             duration_s = max(
                 quickest_s, peaks.velocity, peaks.acceleration**0.5, peaks.jerk ** (1.0 / 3.0)
             )
+            if self._task.speed_m_s is not None:
+                length_m = self._task.pieces[number].length_m
+                duration_s = max(duration_s, length_m / self._task.speed_m_s)
             sketches.append(Sketch(qs, still, duration_s))
         return sketches
 

@@ -266,8 +266,8 @@ def test_a_motion_is_clear_beside_the_table_and_not_through_the_wall(
     beside = plan_joint_move(q, q + 0.1, manipulator.limits)
     assert context.is_clear(beside)
     assert looks_clear(beside, context.is_free, SCREENING_STEP_RAD)
-    above = [overhead(0.70, y, 0.0) for y in (0.35, -0.10)]
-    through = plan_joint_move(*(manipulator.ik.solve(T).q for T in above), manipulator.limits)
+    q_left, q_right = (manipulator.ik.solve(overhead(0.70, y, 0.0)).q for y in (0.35, -0.10))
+    through = plan_joint_move(q_left, q_right, manipulator.limits)
     assert not context.is_clear(through)
 
 

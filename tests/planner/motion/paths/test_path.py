@@ -12,7 +12,7 @@ import pytest
 
 from baxter_kin.errors import PoseError
 from planner import Arc, Curve, Polyline
-from planner.errors import MotionError, StraightMoveError
+from planner.errors import MotionError
 from planner.motion.paths.path import corners_of, graded, pieces_of
 from planner.motion.paths.pieces import Piece
 
@@ -66,11 +66,34 @@ def test_pieces_of_a_curve_are_near_it() -> None:
             turn, np.array([0.08 * math.cos(angle), 0.08 * math.sin(angle), 0.6 * length])
         )
 
-    pieces = pieces_of(Curve(helix, 0.6))
-    wanted = np.array([helix(s).translation for s in np.linspace(0.0, 0.6, 20000)])
-    for position in samples(pieces)[::7]:
-        assert np.linalg.norm(wanted - position, axis=1).min() < 2.5e-5
+    pieces, ends = pieces_of(Curve(helix, 0.6)), [0.0]
+    for piece in pieces:  # the path is longer than the parameter, everywhere by the same factor
+        ends.append(ends[-1] + piece.length_m)
+    scale = 0.6 / ends[-1]
+    for piece, begin, end in zip(pieces, ends[:-1], ends[1:], strict=True):
+        for s in (0.1, 0.3, 0.62, 0.9):
+            wanted = helix(scale * (begin + s * (end - begin)))
+            nearest = piece.at(piece.nearest_fraction(wanted))
+            assert np.linalg.norm(nearest.translation - wanted.translation) < 5e-6
+            assert np.linalg.norm(pin.log3(nearest.rotation.T @ wanted.rotation)) < 1e-4
     assert pieces[-1].T_base_goal.isApprox(helix(0.6), 1e-9)
+
+
+@pytest.mark.parametrize("wave_m", [0.0125, 0.025, 0.0375, 0.05])
+@pytest.mark.parametrize("length_m", [0.1, 0.15, 0.3])
+def test_no_wave_of_a_curve_is_lost(wave_m: float, length_m: float) -> None:
+    def weave(s: float) -> pin.SE3:
+        return at(s, 0.01 * (1.0 - math.cos(2.0 * math.pi * s / wave_m)), 0.0)
+
+    positions = samples(pieces_of(Curve(weave, length_m)))
+    assert positions[:, 1].max() == pytest.approx(0.02, abs=1e-5)
+
+
+def test_an_arc_may_have_a_short_normal_and_a_centre_beside_its_plane() -> None:
+    usual = pieces_of(Arc(START, CENTRE, Z, 1.0))
+    other = pieces_of(Arc(START, CENTRE + 0.7 * Z, 1e-9 * Z, 1.0))
+    assert usual[-1].T_base_goal.isApprox(other[-1].T_base_goal, 1e-12)
+    assert len(usual) == len(other)
 
 
 def test_corners_are_where_the_direction_changes() -> None:
@@ -95,14 +118,19 @@ def test_graded_pieces_are_the_same_path_with_short_pieces_at_corners() -> None:
         (lambda: pieces_of(Polyline([START, START])), MotionError),
         (
             lambda: pieces_of(Polyline([at(0, 0, 0), at(1, 0, 0, turn=(math.pi, 0, 0))])),
-            StraightMoveError,
+            MotionError,
         ),
         (lambda: Arc(START, CENTRE, np.zeros(3), 1.0), MotionError),
         (lambda: Arc(START, CENTRE, Z, 0.0), MotionError),
         (lambda: Arc(START, START.translation + Z, Z, 1.0), MotionError),
+        (lambda: Arc(START, 1e6 * CENTRE, Z, 1.0), MotionError),
+        (lambda: Arc(START, CENTRE, Z, 1e7), MotionError),
+        (lambda: Curve(lambda _: START, 1e9), MotionError),
+        (lambda: Polyline(cast("list[pin.SE3]", 5)), MotionError),
         (lambda: Curve(lambda _: START, 0.0), MotionError),
         (lambda: pieces_of(Curve(lambda s: at(abs(s - 0.031), 0, 0), 0.1)), MotionError),
         (lambda: pieces_of([CIRCLE, TRIANGLE]), MotionError),
+        (lambda: pieces_of([CIRCLE, Polyline([at(9, 0, 0)] * 2)]), MotionError),
         (lambda: pieces_of([]), MotionError),
         (lambda: pieces_of([START]), MotionError),
         (lambda: pieces_of(START), MotionError),
