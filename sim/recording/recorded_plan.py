@@ -420,7 +420,7 @@ def _check_rest(
     if moved[row, joint] > tolerance_rad:
         raise RecordingError(
             f"the gripper acts from {times_s[action.first]:.2f} s to {times_s[action.last]:.2f} s, "
-            f"when {names[joint]} moved by {moved[row, joint]:.3g} rad (at "
+            f"when {names[int(joint)]} moved by {moved[row, joint]:.3g} rad (at "
             f"{times_s[action.first + row]:.2f} s); the arm must stand meanwhile, within "
             f"{tolerance_rad:g} rad"
         )
