@@ -139,6 +139,8 @@ def plan_free_move(
             near = context.clearance(q).too_near(context.margin_m)
             raise FreeMoveError(f"{which} in collision: {near}")
     straight = plan_joint_move(ends[0], ends[1], limits)
+    if straight.duration == 0.0 and not judge(straight):
+        raise FreeMoveError("start and goal are the same, and staying there is not clear")
     if upright is not None:
         motion = _upright_move(straight, context, judge, margin_m, upright, deadline_s=deadline_s)
         if motion is not None:

@@ -117,6 +117,12 @@ def test_the_same_numbers_make_the_same_motion() -> None:
     assert np.array_equal(first.knots_s, second.knots_s)
 
 
+def test_staying_where_it_is_may_be_refused_too(manipulator: Manipulator) -> None:
+    context, q = manipulator.context(Scene.of([])), manipulator.arm.start
+    with pytest.raises(FreeMoveError, match="the same"):
+        plan_free_move(q, q, manipulator.limits, context, lambda _: False)
+
+
 @pytest.mark.slow
 @given(seeds)
 @settings(max_examples=3)
