@@ -6,10 +6,13 @@ import hashlib
 import json
 import resource
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import pytest
 
 from baxter_kin.parallel import Engine, Serial
 from planner.atlas import BlockReport
@@ -83,10 +86,16 @@ def change_attributes(path: Path, **changes: Any) -> None:
 
 @contextmanager
 def small_files(room: int) -> Iterator[None]:
-    """The system itself refuses to write more into a file, here and in processes that begin."""
+    """The system itself refuses to write more into a file, here and in processes that begin.
+
+    Python would keep modules that it compiles meanwhile, cut off, for all later processes.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
