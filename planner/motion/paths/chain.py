@@ -63,17 +63,9 @@ class Chain:
         qs: at the start of each piece and at the end of the last, shape (n + 1, 7), rad.
     """
 
-    def __init__(
-        self,
-        ik: IKService,
-        limits: JointLimits,
-        pieces: Sequence[Piece],
-        qs: FloatArray,
-        tolerance: LineTolerance,
-    ) -> None:
+    def __init__(self, pieces: Sequence[Piece], qs: FloatArray, follower: Follower) -> None:
         self.qs = qs
-        self._follower = Follower(ik, limits, tolerance)
-        self._pieces = pieces
+        self._pieces, self._follower = pieces, follower
 
     def along(self, number: int, q_start: FloatArray, fractions: FloatArray) -> FloatArray:
         """Configurations on a piece from a start to the chain's end of it, shape (m, 7).
@@ -156,10 +148,8 @@ def find_chain(
         q_start: configuration at the start; any when not given.
         is_free: whether a configuration is clear of obstacles.
     """
-    poses = [pieces[0].T_base_start, *(piece.T_base_goal for piece in pieces)]
-    layers = [_solutions(ik, T, tolerance) for T in poses]
-    if q_start is not None:
-        layers[0] = q_start[None]
+    first = _solutions(ik, pieces[0].T_base_start, tolerance) if q_start is None else q_start[None]
+    layers = [first, *(_solutions(ik, piece.T_base_goal, tolerance) for piece in pieces)]
     for number, layer in enumerate(layers):
         if not len(layer):
             return NoChain(number)
@@ -188,7 +178,7 @@ def find_chain(
                 refused, farthest = refused + 1, max(farthest, k + 1)
         if is_chain:
             qs = np.array([layer[i] for layer, i in zip(layers, way, strict=True)])
-            return Chain(ik, limits, pieces, qs, tolerance)
+            return Chain(pieces, qs, follower)
     return NoChain(farthest, f"no way on was found in {MAX_REFUSED} attempts")
 
 
