@@ -22,7 +22,7 @@ moves on. The shapes then stand at fixed poses and are thicker:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -99,21 +99,21 @@ class Episode(NamedTuple):
     state: HandState
 
 
-def handled_by(plan: Plan) -> frozenset[str]:
-    """The names of the bodies that an arm picks or holds in a plan."""
-    gripped = {step.body for step in plan if isinstance(step, Grip) and step.body}
-    held = plan.start.holding(plan.limb)
-    return frozenset(gripped | ({held.body} if held else set()))
+def episodes_of(
+    plan: Plan, manipulator: Manipulator, names: Iterable[str]
+) -> tuple[Episode, ...]:
+    """The states of a hand during a complete plan of its arm, in order.
 
-
-def episodes_of(plan: Plan, manipulator: Manipulator) -> tuple[Episode, ...]:
-    """The states of a hand during a complete plan of its arm, in order."""
+    Args:
+        plan: the plan.
+        manipulator: the arm and its hand.
+        names: of the bodies that the arm handles.
+    """
     episodes: list[Episode] = []
-    names = sorted(handled_by(plan))
     for number, step in enumerate(plan):
         begin = state_of(step)
         end = after(step, begin, manipulator) if isinstance(step, Grip) else begin
-        state = _hand_state(names, (begin, end), manipulator)
+        state = _hand_state(sorted(names), (begin, end), manipulator)
         is_grip = isinstance(step, Grip) and (step.body is not None or state.thicker_m > SAME_M)
         if episodes and not is_grip and not episodes[-1].is_grip:
             episodes[-1] = episodes[-1]._replace(last=number)
