@@ -246,9 +246,7 @@ class CycleSearch:
             if sideways == MAX_SIDEWAYS:
                 break
 
-    def along(
-        self, cycle: Cycle, proven_motions: Mapping[str, ProvenMotion] | None = None
-    ) -> Plan:
+    def along(self, cycle: Cycle, proven_motions: Mapping[str, ProvenMotion] | None = None) -> Plan:
         """The plan of a cycle up to the stage that fails; no steps where a move does.
 
         Args:

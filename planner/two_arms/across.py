@@ -15,9 +15,10 @@ moves on. The shapes then stand at fixed poses and are thicker:
 
 - fingers are at the middle of their travel, and thicker by half of it: each point of a finger that
   travels is within that distance of its place there;
-- a body that is pushed by closing fingers, or settles after it was released, is where it begins, and
-  thicker by the greatest distance that any of its points has moved at the end. This assumes that no
-  point is farther away in between, as on a straight push, and on a fall of a few millimetres.
+- a body that is pushed by closing fingers, or settles after it was released, is where it begins,
+  and thicker by the greatest distance that any of its points has moved at the end. This assumes
+  that no point is farther away in between, as on a straight push, and on a fall of a few
+  millimetres.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -99,9 +100,7 @@ class Episode(NamedTuple):
     state: HandState
 
 
-def episodes_of(
-    plan: Plan, manipulator: Manipulator, names: Iterable[str]
-) -> tuple[Episode, ...]:
+def episodes_of(plan: Plan, manipulator: Manipulator, names: Iterable[str]) -> tuple[Episode, ...]:
     """The states of a hand during a complete plan of its arm, in order.
 
     Args:
@@ -300,9 +299,7 @@ class Across:
         for window in windows_of(plan, self.episodes):
             context = self.context(window.episodes)
             part = between(motion, window.begin_s, window.end_s)
-            result = prove_clear(
-                context.checker, part, context.q_others, margin_m=self.margin_m
-            )
+            result = prove_clear(context.checker, part, context.q_others, margin_m=self.margin_m)
             near = result.nearest
             if near.time_s is not None:
                 near = evolve(near, time_s=near.time_s + window.begin_s)
@@ -323,11 +320,10 @@ def changes_of(
 ) -> FloatArray:
     """When each episode but the first begins on the clock, shape (episodes - 1,), s.
 
-    The state of a hand during a rest is that of the episode which the rest belongs to: a rest before
-    a gripper action belongs to the moves before it, one after it to those after it.
+    A rest before a gripper action belongs to the moves before it, one after it to those after.
     """
     times = []
-    for before, episode in zip(episodes, episodes[1:], strict=False):
+    for before, episode in pairwise(episodes):
         if episode.is_grip:
             times.append(begins_s[episode.first])
         else:

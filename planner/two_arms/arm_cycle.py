@@ -206,8 +206,6 @@ class ArmCycle:
 
     def _with_move(self, motion: ProvenMotion) -> ArmCycle:
         trajectory, proof = motion
-        move = Move(
-            WITHDRAW, trajectory, clearance=proof.nearest, proof=proof, state=self._end
-        )
+        move = Move(WITHDRAW, trajectory, clearance=proof.nearest, proof=proof, state=self._end)
         plan = evolve(self.plan, steps=(*self.plan.steps, move))
         return ArmCycle(self.search, plan, trajectory)

@@ -29,16 +29,12 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact
 from planner.collision.context import CollisionContext
-from planner.completion import after, complete, state_of
-from planner.manipulator import Manipulator
-from planner.pick_place.plan_builder import NoSolutionError, free_motion
-from planner.pick_place.planning import searched
+from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
-from planner.plan import Grip, Move, Plan, PlanFailure, Step
-from planner.state import State
-from planner.two_arms.across import Across, episodes_of
-from planner.two_arms.arm_cycle import WITHDRAW, ArmCycle, Requirements, other_than
+from planner.plan import Move, Plan
+from planner.two_arms.arm_cycle import ArmCycle, other_than
 from planner.two_arms.plan import TwoArmPlan, begins_of, duration_of
+from planner.two_arms.problem import NOT_PROVEN, Problem, StepSequence
 from planner.two_arms.program import SCAN_STEP_S, ArmTrack, JointProgram, Timed
 
 logger = logging.getLogger(__name__)
@@ -54,9 +50,6 @@ NO_LOSS = 1.005
 
 MAX_ENDS = 24
 """Maximum number of solutions of each arm's last pose, whose pairs are checked."""
-
-NOT_PROVEN = PlanFailure("together", "not proven yet")
-"""The failure of a plan of both arms until it is proven."""
 
 
 class Ends(NamedTuple):
@@ -143,26 +136,9 @@ class Guess(NamedTuple):
 class PairSearch:
     """The search for one task of each arm."""
 
-    def __init__(
-        self,
-        tasks: Mapping[str, PickAndPlace],
-        manipulators: Mapping[str, Manipulator],
-        state: State,
-        handled: Mapping[str, frozenset[str]],
-        requirements: Requirements,
-    ) -> None:
-        """Store a checked problem.
-
-        Args:
-            tasks: of both arms.
-            manipulators: of both arms, whose shapes leave out no arm.
-            state: robot and bodies.
-            handled: names of all bodies that each arm handles, also before and after these tasks.
-            requirements: of the plans.
-        """
-        self._tasks, self._manipulators, self._state = tasks, manipulators, state
-        self._handled, self._requirements = handled, requirements
-        self._reason = ""
+    def __init__(self, problem: Problem, tasks: Mapping[str, PickAndPlace]) -> None:
+        """Store a checked problem, and the task of each arm."""
+        self._problem, self._tasks, self._reason = problem, tasks, ""
 
     def plan(self) -> TwoArmPlan:
         """The plan, or why there is none."""
@@ -173,30 +149,38 @@ class PairSearch:
                 if plan is not None:
                     return plan
         except NoSolutionError as stop:
-            return failed(self._state, stop.failure, self._requirements.grip_s)
+            return self._problem.failed(stop.failure)
         return self.in_turn(f"no motion of both arms at once was found: {self._reason}")
 
     def in_turn(self, reason: str) -> TwoArmPlan:
         """The faster of both orders in which one arm moves at a time; or why there is none."""
         plans, failure = [], NOT_PROVEN
         for order in (LIMBS, LIMBS[::-1]):
+            sequence = StepSequence(self._problem)
             try:
-                plans.append(self._in_order(order, reason))
+                for side in order:
+                    sequence.add_cycle(side, self._tasks[side])
+                plans.append(sequence.planned(reason))
             except NoSolutionError as stop:
                 failure = stop.failure
         if plans:
             return min(plans, key=lambda plan: plan.duration_s)
-        return failed(self._state, failure, self._requirements.grip_s)
+        return self._problem.failed(failure)
 
     @cached_property
     def cycles(self) -> Mapping[str, ArmCycle]:
         """Each arm's own fastest cycle; a plan may be invalid."""
-        return {side: self._own(side, self._state) for side in LIMBS}
-
-    def _own(self, side: str, state: State) -> ArmCycle:
-        without = self._handled[other_than(side)]
-        task, manipulator = self._tasks[side], self._manipulators[side]
-        return ArmCycle.of(task, manipulator, state, without, self._requirements)
+        problem = self._problem
+        return {
+            side: ArmCycle.of(
+                self._tasks[side],
+                problem.manipulators[side],
+                problem.state,
+                problem.handled[other_than(side)],
+                problem.requirements,
+            )
+            for side in LIMBS
+        }
 
     def _refuse_missing(self) -> None:
         """Raise NoSolutionError when an arm has no cycle, or both are in contact at the start."""
@@ -205,7 +189,7 @@ class PairSearch:
             if failure is not None:
                 reason = f"the {side} arm by itself: {failure.reason}"
                 raise NoSolutionError(evolve(failure, reason=reason))
-        context = self._across(self._plans(self.cycles)).context((0, 0))
+        context = self._problem.across(self._plans(self.cycles)).context((0, 0))
         q = np.concatenate([cycle.plan.q_start for cycle in self.cycles.values()])
         if not context.is_free(q):
             near = context.clearance(q).too_near(context.margin_m)
@@ -251,7 +235,7 @@ class PairSearch:
 
     def _duration_s(self, cycle: ArmCycle) -> float:
         """The duration of a cycle on the clock, s."""
-        return sum(duration_of(step, self._requirements.grip_s) for step in cycle.plan)
+        return sum(duration_of(step, self._problem.requirements.grip_s) for step in cycle.plan)
 
     def _variants(self) -> list[Variant]:
         """Cycles whose ends may be clear of each other; the own ones, or with a withdrawal.
@@ -260,7 +244,7 @@ class PairSearch:
         """
         ends = self._ends(self.cycles)
         chosen = [self.cycles] if ends.clear else []
-        if not self._is_end_clear(self.cycles) and self._requirements.may_withdraw:
+        if not self._is_end_clear(self.cycles) and self._problem.requirements.may_withdraw:
             chosen += self._withdrawing()
         if not chosen:
             at = " and ".join(position(task.T_base_end) for task in self._tasks.values())
@@ -271,9 +255,9 @@ class PairSearch:
             raise NoSolutionError.at("place: retract", reason)
         variants = []
         for cycles in chosen:
-            across = self._across(self._plans(cycles))
+            across = self._problem.across(self._plans(cycles))
             found = [
-                cycles[side].track(across.episodes[side], self._requirements.grip_s)
+                cycles[side].track(across.episodes[side], self._problem.requirements.grip_s)
                 for side in LIMBS
             ]
             if found[0] is None or found[1] is None:
@@ -313,7 +297,7 @@ class PairSearch:
         context, qs = self._end_context(cycles), []
         for side in LIMBS:
             samples = sample_solutions(
-                self._manipulators[side].ik, self._tasks[side].T_base_end
+                self._problem.manipulators[side].ik, self._tasks[side].T_base_end
             )
             some = np.linspace(0, len(samples) - 1, min(len(samples), MAX_ENDS)).round()
             qs.append(samples[some.astype(int)])
@@ -321,15 +305,12 @@ class PairSearch:
         return Ends(sum(free), len(free))
 
     def _end_context(self, cycles: Mapping[str, ArmCycle]) -> CollisionContext:
-        across = self._across(self._plans(cycles))
+        across = self._problem.across(self._plans(cycles))
         left, right = (len(across.episodes[side]) - 1 for side in LIMBS)
         return across.context((left, right))
 
     def _plans(self, cycles: Mapping[str, ArmCycle]) -> Mapping[str, Plan]:
         return {side: cycles[side].plan for side in LIMBS}
-
-    def _across(self, plans: Mapping[str, Plan]) -> Across:
-        return across_of(plans, self._manipulators, self._state, self._handled, self._requirements)
 
     def _proven(self, timing: Timing) -> TwoArmPlan | None:
         """The plan of some cycles on the clock; None where it is not proven, with the reason."""
@@ -342,110 +323,12 @@ class PairSearch:
         for side, plan in plans.items():
             moves = [number for number, step in enumerate(plan) if isinstance(step, Move)]
             waits_s = {moves[k]: wait for k, wait in timing.waits_s[side].items()}
-            begins[side] = begins_of(plan, self._requirements.grip_s, waits_s)
-        return self._with_proof(plans, begins)
-
-    def _with_proof(
-        self,
-        plans: Mapping[str, Plan],
-        begins: Mapping[str, tuple[float, ...]],
-        in_turn: str = "",
-    ) -> TwoArmPlan | None:
-        grip_s = self._requirements.grip_s
-        plan = TwoArmPlan(self._state, plans, begins, grip_s, None, NOT_PROVEN, in_turn)
-        result = self._across(plans).prove(plan)
-        if isinstance(result, ContinuousContact):
-            self._reason = str(result)
+            begins[side] = begins_of(plan, self._problem.requirements.grip_s, waits_s)
+        plan = self._problem.proven(plans, begins)
+        if isinstance(plan, ContinuousContact):
+            self._reason = str(plan)
             return None
-        return evolve(plan, proof=result, failure=None)
-
-    def _in_order(self, order: Sequence[str], reason: str) -> TwoArmPlan:
-        """One arm after the other; raises NoSolutionError when there is no such plan."""
-        turns = _Turns(self._state, self._requirements.grip_s)
-        for side in order:
-            self._add_turn(side, turns)
-        plans = {}
-        for side in LIMBS:
-            alone = self.cycles[side]
-            bare = Plan(alone.plan.start, tuple(turns.steps[side]), robot=alone.plan.robot,
-                        line_tolerance=alone.plan.line_tolerance, limb=side)
-            plans[side] = complete(bare, manipulator=alone.manipulator)
-        begins = {side: tuple(turns.begins[side]) for side in LIMBS}
-        plan = self._with_proof(plans, begins, reason)
-        if plan is None:
-            raise NoSolutionError.at("in turn", self._reason)
         return plan
-
-    def _add_turn(self, side: str, turns: _Turns) -> None:
-        """Add the cycle of one arm while the other one stands still, and withdraws if needed."""
-        manipulator, task = self._manipulators[side], self._tasks[side]
-        request = self._requirements.request(manipulator, turns.state, None)
-        plan, _ = searched(request, task)
-        if plan.failure is not None:
-            first = plan.failure
-            self._add_withdrawal(other_than(side), turns)
-            request = self._requirements.request(manipulator, turns.state, None)
-            plan, _ = searched(request, task)
-            if plan.failure is not None:
-                raise NoSolutionError(evolve(first, reason=f"the {side} arm in turn: {first.reason}"))
-        last = plan.steps[-1]
-        turns.add(side, plan.steps, after(last, state_of(last), request.manipulator))
-
-    def _add_withdrawal(self, side: str, turns: _Turns) -> None:
-        """Add a move of an arm that stands in the way, to neutral."""
-        request = self._requirements.request(self._manipulators[side], turns.state, None)
-        arm, manipulator = request.manipulator.arm, request.manipulator
-        context = manipulator.at(turns.state, margin_m=self._requirements.margin_m)
-        q, q_goal = request.q_start, np.array(arm.neutral)
-        if not context.is_free(q_goal):
-            raise NoSolutionError.at(WITHDRAW, f"the {side} arm cannot withdraw to neutral")
-        trajectory, proof = free_motion(WITHDRAW, (q, q_goal), manipulator, context)
-        move = Move(WITHDRAW, trajectory, clearance=proof.nearest, proof=proof)
-        turns.add(side, (move,), turns.state.moved(manipulator.robot, arm.joints(q_goal)))
-
-
-class _Turns:
-    """Steps of both arms, one after the other.
-
-    Attributes:
-        state: robot and bodies after the steps so far.
-        steps: of each arm, without states and contacts.
-        begins: of each arm, when each of its steps begins, s.
-    """
-
-    def __init__(self, state: State, grip_s: float) -> None:
-        self.state, self._grip_s, self._now_s = state, grip_s, 0.0
-        self.steps: dict[str, list[Step]] = {side: [] for side in LIMBS}
-        self.begins: dict[str, list[float]] = {side: [] for side in LIMBS}
-
-    def add(self, side: str, steps: Sequence[Step], state: State) -> None:
-        """Add steps of an arm, after which robot and bodies are in a state."""
-        for step in steps:
-            self.steps[side].append(evolve(step, state=None, contacts=()))
-            self.begins[side].append(self._now_s)
-            self._now_s += duration_of(step, self._grip_s)
-        self.state = state
-
-
-def across_of(
-    plans: Mapping[str, Plan],
-    manipulators: Mapping[str, Manipulator],
-    state: State,
-    handled: Mapping[str, frozenset[str]],
-    requirements: Requirements,
-) -> Across:
-    """Both arms against each other in some complete plans."""
-    episodes = {
-        side: episodes_of(plans[side], manipulators[side], handled[side]) for side in LIMBS
-    }
-    q_others = manipulators[LIMBS[0]].robot.configuration(dict(state.joints))
-    return Across(manipulators, episodes, q_others, requirements.margin_m)
-
-
-def failed(state: State, failure: PlanFailure, grip_s: float) -> TwoArmPlan:
-    """A plan without steps, and why."""
-    plans = {side: Plan(state, (), failure, limb=side) for side in LIMBS}
-    return TwoArmPlan(state, plans, dict.fromkeys(LIMBS, ()), grip_s, None, failure)
 
 
 def _is_minimum(guess: Guess, guesses: Sequence[Guess]) -> bool:
@@ -453,6 +336,5 @@ def _is_minimum(guess: Guess, guesses: Sequence[Guess]) -> bool:
     return all(
         guess.merit_s <= other.merit_s
         for other in guesses
-        if other.variant is guess.variant
-        and abs(other.delay_s - guess.delay_s) < 1.5 * SCAN_STEP_S
+        if other.variant is guess.variant and abs(other.delay_s - guess.delay_s) < 1.5 * SCAN_STEP_S
     )

@@ -2,8 +2,8 @@
 
 Each arm is a track: the motion program of its own cycle, with its own durations, lines and
 obstacles, and a wait, zero or more, before each motion that begins at rest. The makespan M is at
-least the sum of durations, waits and gripper actions of each track. The objective is M, plus a small
-share of all durations and waits, so that the arm that ends first is determined, too.
+least the sum of durations, waits and gripper actions of each track. The objective is M, plus a
+small share of all durations and waits, so that the arm that ends first is determined, too.
 
 The tracks share no grid of time. At instants t of the common clock the nearest pairs of both arms
 are bounded,

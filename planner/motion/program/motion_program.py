@@ -202,9 +202,7 @@ class MotionProgram:
         inputs = {"x0": x0, "p": numbers, **bounds}
         if clearances is None:
             return Part(inputs, None)
-        rows = clearance_rows(
-            self.unknowns, clearances.bounds, np.concatenate(ends_of(track.task))
-        )
+        rows = clearance_rows(self.unknowns, clearances.bounds, np.concatenate(ends_of(track.task)))
         return Part(inputs | self._inputs_with(inputs, clearances.trust_rad, rows), rows)
 
     def third_differences(self) -> ca.DM:
@@ -351,8 +349,7 @@ def solver_of(
     p = ca.MX.sym("p", sum(each.numbers for each in functions))
     numbers = ca.vertsplit(p, np.cumsum([0, *(each.numbers for each in functions)]).tolist())
     weight, share = ca.MX.sym("weight"), 1.0 if coupling is None else coupling.duration_weight
-    f, values, jacobian, hessian, rows_count = 0, [], [], [], 0
-    lengths = []
+    f, values, jacobian, hessian, lengths = 0, [], [], [], []
     for k, (program, rows) in enumerate(zip(programs, clear, strict=True)):
         motion, shortfalls = parts[2 * k : 2 * k + 2]
         matrix = ca.DM(0, counts[k]) if rows is None else rows.matrix
@@ -361,9 +358,7 @@ def solver_of(
         f += program.smoothing * ca.sumsqr(program.third_differences() @ motion)
         value = program.rows.value(motion, numbers[k])
         values += [value, matrix @ ca.vertcat(motion, shortfalls)]
-        own = ca.horzcat(
-            program.rows.jacobian(motion, numbers[k]), ca.MX(value.shape[0], more[k])
-        )
+        own = ca.horzcat(program.rows.jacobian(motion, numbers[k]), ca.MX(value.shape[0], more[k]))
         jacobian.append(ca.vertcat(own, matrix))
         lengths += [value.shape[0], matrix.shape[0]]
     further = parts[-1]
@@ -387,9 +382,7 @@ def solver_of(
     derivatives = {
         "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
         "jac_g": ca.Function("jac_g", inputs, [g, jacobian_g]),
-        "hess_lag": ca.Function(
-            "hess_lag", [*inputs, weight, multipliers], [ca.diagcat(*hessian)]
-        ),
+        "hess_lag": ca.Function("hess_lag", [*inputs, weight, multipliers], [ca.diagcat(*hessian)]),
     }
     nlp = {"x": x, "p": p, "f": f, "g": g}
     return ca.nlpsol("motion", "ipopt", nlp, programs[0].options | derivatives)
