@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
+    from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
     from planner.verification import Certificate as Certificate
     from planner.verification import MotionCertificate as MotionCertificate
     from planner.verification import PolynomialMotion as PolynomialMotion
@@ -116,6 +117,7 @@ __all__, __getattr__ = lazy(
         "StraightMoveError": "planner.errors",
         "TrackingProof": "planner.pick_place.tracking",
         "Trajectory": "planner.trajectory",
+        "TwoArmPlan": "planner.two_arms.plan",
         "Upright": "planner.motion.upright",
         "certify": "planner.verification",
         "complete": "planner.completion",

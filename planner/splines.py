@@ -41,6 +41,14 @@ def weights_at(fractions: FloatArray) -> FloatArray:
     return weights
 
 
+def rates_at(fractions: FloatArray) -> FloatArray:
+    """Weights of the four controls for the velocity, per interval, as `weights_at`: (m, 4)."""
+    u = np.asarray(fractions)[:, None]
+    powers = np.arange(4)
+    rates: FloatArray = (powers * u ** np.maximum(powers - 1, 0)) @ _IN_INTERVAL
+    return rates
+
+
 _IN_INTERVAL = (
     np.array(
         [

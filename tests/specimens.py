@@ -84,6 +84,13 @@ def specimens_of(
         "no plan": planner.plan_pick_and_place(
             planner.PickAndPlace("block", FAR, PLACE), manipulator, SCENE, arm.start
         ),
+        "no plan of both arms": planner.TwoArmPlan(
+            plan.start,
+            {"left": plan, "right": Plan(plan.start, (), limb="right")},
+            {"left": tuple(map(float, range(0, 10 * len(plan.steps), 10))), "right": ()},
+            0.5,
+            failure=planner.PlanFailure("place: descend", "both hands cannot be there at once"),
+        ),
         "certificate": planner.verify(plan),
         "another motion": (
             motion,

@@ -114,6 +114,39 @@ class Obstacles:
         weights = weights_at(fractions[deepest])
         return LinearBounds(weights, coefficients, float(least.min()))
 
+    def nearest(
+        self, qs: FloatArray, most: int, within_m: float = REACH_M
+    ) -> list[list[tuple[float, FloatArray]]]:
+        """The smallest excesses of distances at configurations, and their gradients.
+
+        Args:
+            qs: the configurations, shape (m, J), rad.
+            most: maximum number of pairs at each, the nearest ones.
+            within_m: pairs whose excess is not below this are left out.
+
+        Returns:
+            For each configuration, pairs of an excess, m, and its gradient, shape (J,), m/rad.
+        """
+        placed = self._motion_bounds.place(self._full, qs)
+        gaps, axes = self._gaps_m(placed) - self.needed_m, self._motion_bounds.axes(placed)
+        return [
+            [
+                (excess, self._slope(placed, k, i, axes[k]))
+                for excess, i in self._nearest(placed, k, gaps[k], most, within_m)
+            ]
+            for k in range(len(qs))
+        ]
+
+    def least_m(self, qs: FloatArray, within_m: float) -> FloatArray:
+        """The smallest excess at configurations, shape (m, J), rad: shape (m,), m.
+
+        It is `within_m` where no pair is nearer.
+        """
+        placed = self._motion_bounds.place(self._full, qs)
+        gaps = self._gaps_m(placed) - self.needed_m
+        found = (self._nearest(placed, k, gaps[k], 1, within_m) for k in range(len(qs)))
+        return np.array([min([within_m, *(excess for excess, _ in near)]) for near in found])
+
     def _kept(self, placed: Placed, margin_m: float) -> FloatArray:
         gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
         for k, near in enumerate(gaps < margin_m / KEPT_SHARE):

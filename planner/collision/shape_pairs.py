@@ -8,6 +8,7 @@ must not be used afterwards, because adding shapes to a model in use corrupts it
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 from typing import TypeAlias
@@ -97,13 +98,28 @@ class ShapePairsBuilder:
             bodies: the numbers of the other bodies' shapes.
             supports: what it may touch.
         """
-        robot = self._robot.robot.model
-        tip = robot.frames[robot.getFrameId(self._arm.tip_frame)]
         in_pieces = not _names_of(supports).isdisjoint(bodies)
-        T_joint_body = tip.placement * T_tip_body
         links = self._robot.wholes - self._robot.of_hand(self._arm)
-        for index in self._add(body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
+        for index in self.add_to(self._arm.tip_frame, body, T_tip_body, in_pieces=in_pieces):
             self.pair_with_all(index, links, bodies, supports)
+
+    def add_to(
+        self, link: str, body: Body, T_link_body: pin.SE3, *, in_pieces: bool = False
+    ) -> list[int]:
+        """Add a body that moves with a link, without pairs; the numbers of its shapes."""
+        robot = self._robot.robot.model
+        frame = robot.frames[robot.getFrameId(link)]
+        T_joint_body = frame.placement * T_link_body
+        return self._add(body, frame.parentJoint, T_joint_body, in_pieces=in_pieces)
+
+    def add_standing(self, body: Body) -> list[int]:
+        """Add a body that stands at its pose in base, without pairs; the numbers of its shapes."""
+        return self._add(body, 0, body.T_base_body)
+
+    def thicken(self, index: int, thicker_m: float) -> None:
+        """Make a shape thicker in pairs that must keep the margin."""
+        made = self.link_shapes[index]
+        self.link_shapes[index] = replace(made, padding_m=made.padding_m + thicker_m)
 
     def pair_with_all(
         self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Supports

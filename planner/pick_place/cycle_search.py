@@ -21,6 +21,7 @@ from itertools import islice
 import numpy as np
 
 from baxter_kin.fields import evolve
+from planner.collision.context import CollisionContext
 from planner.motion.upright import Upright
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
 from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles, tip_upright
@@ -70,26 +71,36 @@ PROVEN_FIRST = (
 
 
 class CycleSearch:
-    """One search; contexts and lines are shared by all pairs that are tried."""
+    """One search; contexts and lines are shared by all pairs that are tried.
+
+    Attributes:
+        request: the arm, the scene, and the required distance.
+        task: the task.
+    """
 
     def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
-        self._request, self._task = request, task
+        self.request, self.task = request, task
         self._missed: list[Plan] = []
 
+    @property
+    def contexts(self) -> Mapping[str, CollisionContext]:
+        """The collision context of every leg, by its label; known once a plan was sought."""
+        return self._contexts
+
     @cached_property
-    def _program(self) -> CycleProgram:
+    def program(self) -> CycleProgram:
         """The program; it is built once all waypoints are known to be reachable."""
-        return CycleProgram(self._request, self._task)
+        return CycleProgram(self.request, self.task)
 
     @cached_property
     def _candidates(self) -> Candidates:
-        return Candidates(self._request, self._task)
+        return Candidates(self.request, self.task)
 
     def shortest(self) -> Plan:
         """The plan of the shortest cycle found, or why there is none."""
         try:
             self._refuse_unreachable()
-            leaning = leaning_failure(self._request, self._task)
+            leaning = leaning_failure(self.request, self.task)
             if leaning is not None:
                 raise NoSolutionError(leaning)
             self._make_phases()
@@ -98,9 +109,9 @@ class CycleSearch:
                 if plan.failure is None:
                     return plan
             if not self._missed:
-                refuse_blocked_hand(self._task, self._contexts)
+                refuse_blocked_hand(self.task, self._contexts)
         except NoSolutionError as stop:
-            return PlanBuilder(self._request).plan(stop.failure)
+            return PlanBuilder(self.request).plan(stop.failure)
         logger.info("no cycle by one program is clear; searching for one that stops between lines")
         for plan in self._stopping():
             if plan.failure is None:
@@ -111,9 +122,9 @@ class CycleSearch:
 
     def _refuse_unreachable(self) -> None:
         """Raise an error when a waypoint is unreachable."""
-        q = self._request.q_start
-        for leg in self._task.waypoints:
-            ik = self._request.manipulator.ik.solve(leg.T_base_goal, current=q)
+        q = self.request.q_start
+        for leg in self.task.waypoints:
+            ik = self.request.manipulator.ik.solve(leg.T_base_goal, current=q)
             if not ik.is_valid:
                 raise NoSolutionError(PlanFailure(leg.stage, str(ik.failure), ik, is_certain=True))
             q = ik.q
@@ -123,12 +134,12 @@ class CycleSearch:
 
         A hand that cannot be at the pick is reported before a grasp that would not hold.
         """
-        maker = PhaseMaker(self._request, self._task)
+        maker = PhaseMaker(self.request, self.task)
         try:
             self._phases = maker.phases()
         except NoSolutionError as stop:
             if stop.failure.stage == "pick: close":
-                context = maker.reaching(self._request.manipulator.hand.stroke_m)
+                context = maker.reaching(self.request.manipulator.hand.stroke_m)
                 Solutions("pick: descend", self._candidates.picks, context).refuse_none_free()
             raise
         self._contexts = self._phases.contexts
@@ -137,7 +148,7 @@ class CycleSearch:
         """Raise an error when no solution at pick or place is free."""
         contexts, candidates = self._contexts, self._candidates
         refuse_blocked(
-            "pick: approach", self._request.q_start, contexts["pick: approach"], "at its start"
+            "pick: approach", self.request.q_start, contexts["pick: approach"], "at its start"
         )
         self._picks = Solutions("pick: descend", candidates.picks, contexts["pick: descend"])
         self._picks.refuse_none_free()
@@ -158,23 +169,23 @@ class CycleSearch:
         tried: list[Cycle] = []
         on_a_line: Cycle | None = None
         for pair in self._promising():
-            cycle = self._program.of(pair)
+            cycle = self.program.of(pair)
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
                 continue
             tried.append(cycle)
-            plan = self._along(cycle)
+            plan = self.along(cycle)
             if plan.failure is not None and len(tried) == 1:
-                refuse_blocked_hand(self._task, self._contexts)  # and so for all other pairs
+                refuse_blocked_hand(self.task, self._contexts)  # and so for all other pairs
             yield plan
             stage = None if plan.failure is None else plan.failure.stage
             if stage in SIDEWAYS:
-                yield from map(self._along, self._program.around(cycle, self._contexts))
+                yield from map(self.along, self.program.around(cycle, self._contexts))
                 return
             if stage in MOVES:
                 on_a_line = on_a_line or cycle
-        if on_a_line is not None and self._program.is_vertical:
-            led = self._program.around(on_a_line, self._contexts, on_lines=True)
-            yield from map(self._along, led)
+        if on_a_line is not None and self.program.is_vertical:
+            led = self.program.around(on_a_line, self._contexts, on_lines=True)
+            yield from map(self.along, led)
 
     def _promising(self) -> list[CandidatePair]:
         """The first few pairs that differ; where lines are not vertical, the most promising.
@@ -182,10 +193,10 @@ class CycleSearch:
         Along lines into a bin the arm has little space: pairs whose guesses collide there come
         last, and the others are ordered by the durations of their guesses.
         """
-        if self._program.is_vertical:
+        if self.program.is_vertical:
             return list(islice(self._different(), MAX_OPTIMISED))
         pairs = list(islice(self._different(), MAX_RANKED))
-        pairs.sort(key=lambda pair: self._program.promise(pair, self._contexts))
+        pairs.sort(key=lambda pair: self.program.promise(pair, self._contexts))
         return pairs[:MAX_OPTIMISED]
 
     def _different(self) -> Iterator[CandidatePair]:
@@ -199,35 +210,35 @@ class CycleSearch:
             is_new = all(
                 np.abs(np.subtract(pair, other)).max() > MIN_DIFFERENCE_RAD for other in chosen
             )
-            if is_new and (self._program.is_vertical or self._program.can_follow(pair)):
+            if is_new and (self.program.is_vertical or self.program.can_follow(pair)):
                 chosen.append(pair)
                 yield pair
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, if it is shorter and proven; else the plan."""
-        cycle = Cycle(self._task.legs, tuple(move.trajectory for move in plan.moves))
+        cycle = Cycle(self.task.legs, tuple(move.trajectory for move in plan.moves))
         for faster in self._faster(cycle):
             if faster.duration_s < plan.motion_time_s:
-                improved = self._along(faster)
+                improved = self.along(faster)
                 if improved.is_valid:
                     return improved
         return plan
 
     def _faster(self, cycle: Cycle) -> Iterator[Cycle]:
-        near = self._program.near(cycle)
+        near = self.program.near(cycle)
         if near is not None:
             yield near
-        yield from self._program.around(cycle, self._contexts)
+        yield from self.program.around(cycle, self._contexts)
 
     def _stopping(self) -> Iterator[Plan]:
         """Cycles that stop above pick and place; a pair that fails excludes similar ones."""
-        cycles = StoppingCycles(self._request, self._task, self._contexts)
+        cycles = StoppingCycles(self.request, self.task, self._contexts)
         sideways = 0
         for i, j in islice(self._candidates.open_ones(self._picks, self._places), MAX_TRIED):
             try:
-                plan = self._along(*cycles.of(*self._candidates.pair(i, j)))
+                plan = self.along(*cycles.of(*self._candidates.pair(i, j)))
             except NoSolutionError as stop:
-                plan = self._missing(PlanBuilder(self._request), stop.failure)
+                plan = self._missing(PlanBuilder(self.request), stop.failure)
             yield plan
             if plan.failure is not None:
                 alike = self._picks.near(i), self._places.near(j)
@@ -235,16 +246,14 @@ class CycleSearch:
             if sideways == MAX_SIDEWAYS:
                 break
 
-    def _along(
-        self, cycle: Cycle, proven_motions: Mapping[str, ProvenMotion] | None = None
-    ) -> Plan:
+    def along(self, cycle: Cycle, proven_motions: Mapping[str, ProvenMotion] | None = None) -> Plan:
         """The plan of a cycle up to the stage that fails; no steps where a move does.
 
         Args:
             cycle: the motions.
             proven_motions: those that are proven already, by label.
         """
-        builder = PlanBuilder(self._request)
+        builder = PlanBuilder(self.request)
         try:
             motions = dict(proven_motions or {})
             for stage in PROVEN_FIRST:
@@ -260,7 +269,7 @@ class CycleSearch:
         self, cycle: Cycle, builder: PlanBuilder, proven_motions: Mapping[str, ProvenMotion]
     ) -> None:
         """Add every step; motions that are not proven yet are proven here."""
-        phases, task, motions = self._phases, self._task, cycle.by_label
+        phases, task, motions = self._phases, self.task, cycle.by_label
         grips = {
             "pick: retract": ("pick: close", GripperAction.CLOSE, phases.closing, task.body),
             "place: retract": ("place: open", GripperAction.OPEN, phases.releasing, task.body),

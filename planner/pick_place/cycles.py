@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count, pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ import pinocchio as pin
 from baxter_kin.fields import FrozenMapping
 from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
+from planner.collision.obstacles import Obstacles
 from planner.errors import MotionError
 from planner.motion.paths.straight_line import intervals_of, is_on_line, knot_tolerance
 from planner.motion.paths.straight_move import plan_straight_move
@@ -184,8 +186,23 @@ class CycleProgram:
             contexts: of each leg, by its label.
             on_lines: whether it collides on a line.
         """
-        if not self._is_usual:
+        led = self.led(cycle, contexts, on_lines=on_lines)
+        if led is None:
             return []
+        enough_s = 0.0 if self.is_vertical else GOOD_ENOUGH * cycle.duration_s
+        found = led_around(self._led_motions, led.obstacles, led.sketches, enough_s=enough_s)
+        return [Cycle(self._legs, motions) for motions in found]
+
+    def led(
+        self, cycle: Cycle, contexts: Mapping[str, CollisionContext], *, on_lines: bool = False
+    ) -> LedCycle | None:
+        """A cycle as a guess for motions around obstacles, and these; the arguments of `around`.
+
+        None where a line is too short or too long for the program, or the cycle collides where the
+        arm rests.
+        """
+        if not self._is_usual:
+            return None
         finer = LED_ON_LINE if on_lines or not self.is_vertical else 1.0
         intervals = [
             n if leg.line is None else math.ceil(finer * n)
@@ -198,12 +215,24 @@ class CycleProgram:
             resting = [0] * was_resting + [-1] * leg.rests
             free = [knot for knot in resting if context.is_free(sketch.q[knot])]
             if resting and not free:
-                return []
+                return None
             obstacles.append(context.obstacles(context.margin_m + EXTRA_MARGIN_M, sketch.q[free]))
             was_resting = leg.rests
-        enough_s = 0.0 if self.is_vertical else GOOD_ENOUGH * cycle.duration_s
-        found = led_around(self._led_motions, obstacles, sketches, enough_s=enough_s)
-        return [Cycle(self._legs, motions) for motions in found]
+        return LedCycle(tuple(sketches), tuple(obstacles))
+
+    def problem(self, share: float = KNOT_SHARES[0]) -> tuple[tuple[Phase, ...], MotionTask]:
+        """The phases, without their numbers of intervals, and the parameters of the task.
+
+        Args:
+            share: of the cone's sine that is allowed at knots, where an axis stays upright.
+        """
+        if self._upright is None:
+            return self._phases, self._task
+        return self._phases, replace(self._task, tilt=self._upright.at_knots(share))
+
+    def is_kept_by(self, motions: Motions) -> bool:
+        """Whether motions keep their lines and the axis that stays upright."""
+        return not any(self._off_line(motions)) and not self._leans(motions)
 
     def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
         """The fastest cycle near sketches; lines that it leaves between knots get more of them."""
@@ -228,13 +257,11 @@ class CycleProgram:
         self, sketches: Sequence[Sketch], clearances: Clearances | None = None
     ) -> Motions | None:
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        counted = zip(self._phases, sketches, strict=True)
-        phases = tuple(phase._replace(intervals=sketch.intervals) for phase, sketch in counted)
-        program = _program(phases, len(limits.names))
+        program = cycle_program(with_intervals(self._phases, sketches), len(limits.names))
         if self._upright is None:
             return program.solve(sketches, self._task, arm, limits, clearances)
         for share in KNOT_SHARES:
-            task = replace(self._task, tilt=self._upright.at_knots(share))
+            _, task = self.problem(share)
             motions = program.solve(sketches, task, arm, limits, clearances)
             if motions is None or not self._leans(motions):
                 return motions
@@ -330,9 +357,30 @@ def _phases(legs: Sequence[Leg], *, may_sink: bool, keeps_upright: bool) -> tupl
     )
 
 
+def with_intervals(phases: Sequence[Phase], sketches: Sequence[Sketch]) -> tuple[Phase, ...]:
+    """Phases with the numbers of intervals of sketches."""
+    return tuple(
+        phase._replace(intervals=sketch.intervals)
+        for phase, sketch in zip(phases, sketches, strict=True)
+    )
+
+
 @lru_cache(maxsize=8)
-def _program(phases: tuple[Phase, ...], joints: int) -> MotionProgram:
+def cycle_program(phases: tuple[Phase, ...], joints: int) -> MotionProgram:
+    """The program of some phases; the last ones that were built are kept."""
     return MotionProgram(phases, joints)
+
+
+class LedCycle(NamedTuple):
+    """The guess of a cycle around obstacles.
+
+    Attributes:
+        sketches: of each leg.
+        obstacles: around each leg.
+    """
+
+    sketches: tuple[Sketch, ...]
+    obstacles: tuple[Obstacles, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -135,15 +135,23 @@ def plan_pick_and_place(
 
 def _planned(request: PlanRequest, task: PickAndPlace) -> Plan:
     """The plan of a checked task; without its upright axis where that need not be kept."""
-    plan, upright = CycleSearch(request, task).shortest(), task.upright
+    return searched(request, task)[0]
+
+
+def searched(request: PlanRequest, task: PickAndPlace) -> tuple[Plan, CycleSearch]:
+    """`plan_pick_and_place` for checked arguments, and the search that found the plan."""
+    search = CycleSearch(request, task)
+    plan, upright = search.shortest(), task.upright
     if upright is None or plan.failure is None:
-        return plan
+        return plan, search
     is_other = plan.failure.is_certain and leaning_failure(request, task) is None
     if not upright.is_required and not is_other:
-        return CycleSearch(request, evolve(task, upright=None)).shortest()
+        search = CycleSearch(request, evolve(task, upright=None))
+        return search.shortest(), search
     if plan.failure.is_certain:
-        return plan
-    return evolve(plan, failure=_with_wider_cone(request, task, upright, plan.failure))
+        return plan, search
+    failure = _with_wider_cone(request, task, upright, plan.failure)
+    return evolve(plan, failure=failure), search
 
 
 def _with_wider_cone(

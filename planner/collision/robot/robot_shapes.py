@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import coal
 import numpy as np
@@ -71,14 +71,19 @@ class RobotShapes(OneLine):
     Attributes:
         robot: the robot.
         body: the bodies of its links.
+        left_out: "left" or "right" for an arm whose shapes, with those of its hand, are not checked
+            against anything, as if the robot did not have it; "" for none.
     """
 
-    def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
+    def __init__(self, robot: Baxter, body: RobotBody | None = None, *, left_out: str = "") -> None:
         """Store a robot and its body.
 
         Args:
             robot: the robot.
             body: by default `RobotBody.load()`.
+            left_out: an arm whose shapes are not checked. What is proven with these shapes says
+                nothing about that arm; `planner.two_arms` proves separately that the arms keep
+                clear of each other.
 
         Raises:
             SceneError: when an argument is of another class.
@@ -87,11 +92,19 @@ class RobotShapes(OneLine):
         self.robot = expect(robot, Baxter, "robot", SceneError)
         given = RobotBody.load() if body is None else body
         self.body = expect(given, RobotBody, "body", SceneError)
+        self.left_out = left_out and self.robot.arm(left_out).side  # refuses an unknown one
         self._hulls: dict[int, coal.CollisionGeometry] = {}
         self._pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
+        self._without: dict[str, RobotShapes] = {}
 
-    def __reduce__(self) -> tuple[type[RobotShapes], tuple[Baxter, RobotBody]]:
-        return type(self), (self.robot, self.body)
+    def __reduce__(self) -> tuple[partial[RobotShapes], tuple[()]]:
+        return partial(RobotShapes, self.robot, self.body, left_out=self.left_out), ()
+
+    def without(self, side: str) -> RobotShapes:
+        """The shapes with those of an arm left out; made once for each arm."""
+        if side not in self._without:
+            self._without[side] = RobotShapes(self.robot, self.body, left_out=side)
+        return self._without[side]
 
     @cached_property
     def model(self) -> pin.GeometryModel:
@@ -117,7 +130,8 @@ class RobotShapes(OneLine):
     @cached_property
     def wholes(self) -> frozenset[int]:
         """The shapes that are checked against things that must not be touched, one a link."""
-        return frozenset(i for i, made in enumerate(self.made) if made.is_whole)
+        wholes = frozenset(i for i, made in enumerate(self.made) if made.is_whole)
+        return wholes - self.of_arm(self.robot.arm(self.left_out)) if self.left_out else wholes
 
     @cached_property
     def details(self) -> frozenset[int]:
@@ -238,7 +252,8 @@ class RobotShapes(OneLine):
         return float(T_tip_shape.act(middle)[2] + reach)
 
     def _facts(self) -> tuple[str, ...]:
-        return repr(self.robot), repr(self.body)
+        left_out = f"without the {self.left_out} arm" if self.left_out else ""
+        return repr(self.robot), repr(self.body), left_out
 
     @cached_property
     def _names(self) -> frozenset[str]:

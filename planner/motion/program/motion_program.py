@@ -109,6 +109,10 @@ class MotionProgram:
 
     Attributes:
         phases: in order.
+        unknowns: the indices of its unknowns.
+        rows: all rows except those of clearance.
+        smoothing: weight of the squared third differences of the controls.
+        options: of the solver.
     """
 
     def __init__(
@@ -131,11 +135,11 @@ class MotionProgram:
             smoothing: weight of the squared third differences of the controls.
             options: of the solver, in place of the usual ones.
         """
-        self.phases, self._smoothing = tuple(phases), smoothing
-        self._options = _OPTIONS | dict(options or {})
-        self._unknowns = Unknowns.of(self.phases, joints)
-        x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases, joints)
-        given = self.phases, self._unknowns, x, numbers
+        self.phases, self.smoothing = tuple(phases), smoothing
+        self.options = _OPTIONS | dict(options or {})
+        self.unknowns = Unknowns.of(self.phases, joints)
+        x, numbers = ca.MX.sym("x", self.unknowns.count), Numbers(self.phases, joints)
+        given = self.phases, self.unknowns, x, numbers
         parts = [
             spline_rows(*given),
             path_rows(*given, turn),
@@ -146,9 +150,9 @@ class MotionProgram:
         ]
         rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
-        self._rows = _RowFunctions.of(rows, x, numbers.all)
+        self.rows = RowFunctions.of(rows, x, numbers.all)
         self._one_at_a_time = threading.Lock()  # the solver's status is that of its last call
-        self._solver = self._solver_with(None)
+        self._solver = solver_of([self], [None])
 
     def solve(
         self,
@@ -168,72 +172,57 @@ class MotionProgram:
             clearances: distances to keep.
         """
         unit_s = max(sketch.duration_s for sketch in guess)
-        low, high = self._bounds(limits)
-        numbers = numbers_of(task, arm, limits, unit_s)
-        x0 = self._start(guess, task, arm, unit_s).clip(low, high)
+        part = self.part(guess, Track(self, task, arm, limits), unit_s, clearances)
+        if clearances is None:
+            with self._one_at_a_time:
+                x = answer(self._solver, part.inputs)
+        else:
+            x = answer(solver_of([self], [part.rows]), part.inputs)
+        return None if x is None else self.motions(x, task, limits, unit_s)
+
+    def part(
+        self,
+        guess: Sequence[Sketch],
+        track: Track,
+        unit_s: float,
+        clearances: Clearances | None = None,
+    ) -> Part:
+        """What the solver gets of a track of this program.
+
+        Args:
+            guess: one sketch for each phase, with as many intervals.
+            track: the task, the arm and its limits.
+            unit_s: the unit of all times.
+            clearances: distances to keep.
+        """
+        low, high = self._bounds(track.limits)
+        numbers = numbers_of(track.task, track.arm, track.limits, unit_s)
+        x0 = self._start(guess, track.task, track.arm, unit_s).clip(low, high)
         bounds = {"lbx": low, "ubx": high, "lbg": self._low, "ubg": self._high}
         inputs = {"x0": x0, "p": numbers, **bounds}
         if clearances is None:
-            with self._one_at_a_time:
-                x = _answer(self._solver, inputs)
-        else:
-            rows = clearance_rows(self._unknowns, clearances.bounds, np.concatenate(ends_of(task)))
-            x = _answer(
-                self._solver_with(rows),
-                inputs | self._inputs_with(inputs, clearances.trust_rad, rows),
-            )
-        if x is None:
-            return None
-        x = x[: self._unknowns.count]
-        x[self._unknowns.durations] *= unit_s
-        return self._motions(x, task, limits)
+            return Part(inputs, None)
+        rows = clearance_rows(self.unknowns, clearances.bounds, np.concatenate(ends_of(track.task)))
+        return Part(inputs | self._inputs_with(inputs, clearances.trust_rad, rows), rows)
 
-    def _solver_with(self, clear: ClearanceRows | None) -> ca.Function:
-        """The solver, built in a hundredth of a second, with or without rows of clearance."""
-        more = 0 if clear is None else clear.shortfalls
-        matrix = ca.DM(0, self._unknowns.count) if clear is None else clear.matrix
-        x, p = ca.MX.sym("x", self._unknowns.count + more), ca.MX.sym("p", self._rows.numbers)
-        motion, shortfalls = ca.vertsplit(x, [0, self._unknowns.count, x.shape[0]])
-        f = ca.sum1(motion[self._unknowns.durations.tolist()])
-        f += SHORTFALL_PER_M * ca.sum1(shortfalls)
-        differences = self._third_differences()
-        f += self._smoothing * ca.sumsqr(differences @ motion)
-        g = ca.vertcat(self._rows.value(motion, p), matrix @ x)
-        jacobian = ca.horzcat(self._rows.jacobian(motion, p), ca.MX(len(self._low), more))
-        multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
-        hessian = self._rows.hessian(motion, p, multipliers[: len(self._low)])
-        hessian += weight * 2.0 * self._smoothing * ca.triu(differences.T @ differences)
-        inputs = [x, p]
-        functions = {
-            "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
-            "jac_g": ca.Function("jac_g", inputs, [g, ca.vertcat(jacobian, matrix)]),
-            "hess_lag": ca.Function(
-                "hess_lag",
-                [*inputs, weight, multipliers],
-                [ca.diagcat(hessian, ca.MX(more, more))],
-            ),
-        }
-        nlp = {"x": x, "p": p, "f": f, "g": g}
-        return ca.nlpsol("motion", "ipopt", nlp, self._options | functions)
-
-    def _third_differences(self) -> ca.DM:
+    def third_differences(self) -> ca.DM:
         """Maps the unknowns to the third differences of their controls, where any is smoothed."""
         columns = np.zeros((0, 4), dtype=np.intp)
-        for controls in self._unknowns.controls if self._smoothing else ():
+        for controls in self.unknowns.controls if self.smoothing else ():
             windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0).reshape(-1, 4)
             columns = np.concatenate([columns, windows])
-        columns = columns[(columns < self._unknowns.count).all(axis=1)]
+        columns = columns[(columns < self.unknowns.count).all(axis=1)]
         rows = np.repeat(np.arange(len(columns)), 4)
         weights = np.tile(DIFFERENCES[2], len(columns))
-        return constant(rows, columns.ravel(), weights, (len(columns), self._unknowns.count))
+        return constant(rows, columns.ravel(), weights, (len(columns), self.unknowns.count))
 
     def _inputs_with(
         self, inputs: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
     ) -> dict[str, FloatArray]:
         """Changed inputs of the solver with rows of clearance."""
         x0, low, high = inputs["x0"], inputs["lbx"].copy(), inputs["ubx"].copy()
-        for controls in self._unknowns.controls:
-            near = controls[controls < self._unknowns.count]
+        for controls in self.unknowns.controls:
+            near = controls[controls < self.unknowns.count]
             low[near] = np.maximum(low[near], x0[near] - trust_rad)
             high[near] = np.minimum(high[near], x0[near] + trust_rad)
         none = np.zeros(rows.shortfalls)
@@ -247,7 +236,7 @@ class MotionProgram:
 
     def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
         """Bounds of the unknowns: if the controls are within the limits, the motion is."""
-        unknowns = self._unknowns
+        unknowns = self.unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
         low[unknowns.durations], high[unknowns.durations] = MIN_DURATION, MAX_DURATION
         for controls in unknowns.controls:
@@ -263,7 +252,7 @@ class MotionProgram:
         self, guess: Sequence[Sketch], task: MotionTask, arm: Arm | None, unit_s: float
     ) -> FloatArray:
         """The unknowns of a guess."""
-        unknowns = self._unknowns
+        unknowns = self.unknowns
         x = np.zeros(unknowns.count)
         x[unknowns.durations] = [sketch.duration_s / unit_s for sketch in guess]
         for k, (phase, sketch) in enumerate(zip(self.phases, guess, strict=True)):
@@ -276,20 +265,130 @@ class MotionProgram:
                 x[fractions] = task.pieces[phase.piece].nearest_fractions(tips)
         return x
 
-    def _motions(
-        self, x: FloatArray, task: MotionTask, limits: JointLimits
+    def motions(
+        self, x: FloatArray, task: MotionTask, limits: JointLimits, unit_s: float
     ) -> tuple[Trajectory, ...]:
         """The motions of a solution, slowed down by any violation of the limits due to rounding."""
+        x = x[: self.unknowns.count].copy()
+        x[self.unknowns.durations] *= unit_s
         angles = np.concatenate([x, *ends_of(task)])
-        controls = [angles[where] for where in self._unknowns.controls]
-        durations = x[self._unknowns.durations]
+        controls = [angles[where] for where in self.unknowns.controls]
+        durations = x[self.unknowns.durations]
         splines = list(zip(controls, durations.tolist(), strict=True))
         peaks = np.max([trajectory_of(c, t, limits).peak_ratios() for c, t in splines], axis=0)
         slower = max(1.0, *(peaks ** np.array([1.0, 1 / 2, 1 / 3])).tolist())
         return tuple(trajectory_of(c, t * slower, limits) for c, t in splines)
 
 
-class _RowFunctions(NamedTuple):
+class Track(NamedTuple):
+    """A motion of an arm that a program describes.
+
+    Attributes:
+        program: of its phases.
+        task: the parameters of the problem.
+        arm: whose tip is constrained; may be None without constraints on the tip.
+        limits: of its joints.
+    """
+
+    program: MotionProgram
+    task: MotionTask
+    arm: Arm | None
+    limits: JointLimits
+
+
+class Part(NamedTuple):
+    """What the solver gets of one track.
+
+    Attributes:
+        inputs: of the solver: "x0", "p", and bounds "lbx", "ubx", "lbg", "ubg".
+        rows: of its clearance, whose shortfalls follow the unknowns; None without.
+    """
+
+    inputs: Mapping[str, FloatArray]
+    rows: ClearanceRows | None
+
+
+class Coupling(NamedTuple):
+    """What joins several tracks: further unknowns, linear rows, and the objective of all.
+
+    Attributes:
+        unknowns: number of the further unknowns, which follow those of all tracks.
+        matrix: of the rows, constant and sparse, shape (rows, all unknowns).
+        objective: weights of the further unknowns, shape (unknowns,).
+        duration_weight: weight of each duration of a track.
+    """
+
+    unknowns: int
+    matrix: ca.DM
+    objective: FloatArray
+    duration_weight: float
+
+
+def solver_of(
+    programs: Sequence[MotionProgram],
+    clear: Sequence[ClearanceRows | None],
+    coupling: Coupling | None = None,
+) -> ca.Function:
+    """The solver of one track or several, built in a hundredth of a second.
+
+    The unknowns of each track are followed by the shortfalls of its clearance, and its rows by
+    those of its clearance.
+
+    Args:
+        programs: of the tracks; the options are those of the first.
+        clear: rows of clearance of each, or None.
+        coupling: of several tracks; a single one minimises the sum of its durations.
+    """
+    counts = [program.unknowns.count for program in programs]
+    more = [0 if rows is None else rows.shortfalls for rows in clear]
+    sizes = [size for pair in zip(counts, more, strict=True) for size in pair]
+    sizes.append(0 if coupling is None else coupling.unknowns)
+    x = ca.MX.sym("x", sum(sizes))
+    parts = ca.vertsplit(x, np.cumsum([0, *sizes]).tolist())
+    functions = [program.rows for program in programs]
+    p = ca.MX.sym("p", sum(each.numbers for each in functions))
+    numbers = ca.vertsplit(p, np.cumsum([0, *(each.numbers for each in functions)]).tolist())
+    weight, share = ca.MX.sym("weight"), 1.0 if coupling is None else coupling.duration_weight
+    f, values, jacobian, hessian, lengths = 0, [], [], [], []
+    for k, (program, rows) in enumerate(zip(programs, clear, strict=True)):
+        motion, shortfalls = parts[2 * k : 2 * k + 2]
+        matrix = ca.DM(0, counts[k]) if rows is None else rows.matrix
+        f += share * ca.sum1(motion[program.unknowns.durations.tolist()])
+        f += SHORTFALL_PER_M * ca.sum1(shortfalls)
+        f += program.smoothing * ca.sumsqr(program.third_differences() @ motion)
+        value = program.rows.value(motion, numbers[k])
+        values += [value, matrix @ ca.vertcat(motion, shortfalls)]
+        own = ca.horzcat(program.rows.jacobian(motion, numbers[k]), ca.MX(value.shape[0], more[k]))
+        jacobian.append(ca.vertcat(own, matrix))
+        lengths += [value.shape[0], matrix.shape[0]]
+    further = parts[-1]
+    jacobian_g = ca.diagcat(*jacobian)
+    if coupling is not None:
+        f += ca.dot(ca.DM(coupling.objective), further)
+        values.append(coupling.matrix @ x)
+        jacobian_g = ca.horzcat(jacobian_g, ca.MX(sum(lengths), coupling.unknowns))
+        jacobian_g = ca.vertcat(jacobian_g, coupling.matrix)
+        lengths.append(coupling.matrix.shape[0])
+    multipliers = ca.MX.sym("multipliers", sum(lengths))
+    split = ca.vertsplit(multipliers, np.cumsum([0, *lengths]).tolist())
+    for k, program in enumerate(programs):
+        differences = program.third_differences()
+        second = program.rows.hessian(parts[2 * k], numbers[k], split[2 * k])
+        second += weight * 2.0 * program.smoothing * ca.triu(differences.T @ differences)
+        hessian += [second, ca.MX(more[k], more[k])]
+    if coupling is not None:
+        hessian.append(ca.MX(coupling.unknowns, coupling.unknowns))
+    inputs, g = [x, p], ca.vertcat(*values)
+    derivatives = {
+        "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
+        "jac_g": ca.Function("jac_g", inputs, [g, jacobian_g]),
+        "hess_lag": ca.Function("hess_lag", [*inputs, weight, multipliers], [ca.diagcat(*hessian)]),
+    }
+    nlp = {"x": x, "p": p, "f": f, "g": g}
+    return ca.nlpsol("motion", "ipopt", nlp, programs[0].options | derivatives)
+
+
+class RowFunctions(NamedTuple):
     """All rows of a program except those of clearance, as functions of unknowns and numbers."""
 
     value: ca.Function
@@ -298,7 +397,7 @@ class _RowFunctions(NamedTuple):
     numbers: int
 
     @classmethod
-    def of(cls, rows: Sequence[Rows], x: ca.MX, numbers: ca.MX) -> _RowFunctions:
+    def of(cls, rows: Sequence[Rows], x: ca.MX, numbers: ca.MX) -> RowFunctions:
         """Stack the rows."""
         sizes = [each.g.shape[0] for each in rows]
         multipliers = ca.MX.sym("multipliers", sum(sizes))
@@ -315,7 +414,7 @@ class _RowFunctions(NamedTuple):
         )
 
 
-def _answer(solver: ca.Function, inputs: Mapping[str, FloatArray]) -> FloatArray | None:
+def answer(solver: ca.Function, inputs: Mapping[str, FloatArray]) -> FloatArray | None:
     """The solution of a solver; None where it fails."""
     answer = solver(**inputs)
     x: FloatArray = np.array(answer["x"]).ravel()

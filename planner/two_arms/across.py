@@ -1,0 +1,347 @@
+"""What both arms must keep from each other: windows of the clock, and their proof.
+
+Each arm's own plan is proven in a world without the other arm and without the bodies that the other
+arm handles. What is left are the pairs of one arm, its hand and the bodies that it handles with the
+other arm, its hand and its bodies. These are proven here, on the common clock.
+
+Which of these shapes exist, and what carries them, changes only when a hand grips. So an arm goes
+through successive `HandState`s: before it closes on a body, while it closes, while it holds the
+body, while it opens, and after that. The clock is cut where either arm changes its state. In each
+window between, both states are constant, and the motion of all 14 joints is proven clear by rows of
+separation along the walk from one hand to the other (`planner.collision.mover`).
+
+While a hand grips, its arm rests, but fingers and body move inside the hand, and the other arm
+moves on. The shapes then stand at fixed poses and are thicker:
+
+- fingers are at the middle of their travel, and thicker by half of it: each point of a finger that
+  travels is within that distance of its place there;
+- a body that is pushed by closing fingers, or settles after it was released, is where it begins,
+  and thicker by the greatest distance that any of its points has moved at the end. This assumes
+  that no point is farther away in between, as on a straight push, and on a fall of a few
+  millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
+from planner.collision.checker import ClearanceChecker
+from planner.collision.context import CollisionContext
+from planner.collision.mover import Mover
+from planner.collision.obstacles import Obstacles
+from planner.collision.proof import prove_clear
+from planner.collision.robot.robot_shapes import RobotShapes
+from planner.collision.shape_pairs import ShapePairsBuilder
+from planner.completion import after, state_of
+from planner.manipulator import Manipulator
+from planner.plan import Grip, Plan
+from planner.scene.bodies import Body
+from planner.state import State
+from planner.trajectory import between
+from planner.two_arms.plan import SAME_TIME_S, TwoArmPlan, duration_of
+
+SAME_M = 1e-9
+"""Maximum travel of a finger, or difference of two poses, that counts as none."""
+
+
+class Carried(NamedTuple):
+    """A body that an arm handles, in one state of the hand.
+
+    Attributes:
+        body: the body, at its pose in base where it stands.
+        T_tip_body: its pose seen from the tip that holds it; None where it stands.
+        thicker_m: additional thickness.
+    """
+
+    body: Body
+    T_tip_body: pin.SE3 | None
+    thicker_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandState:
+    """The fingers of an arm, and the bodies that it handles, between two changes.
+
+    Attributes:
+        finger_m: position of the fingers, m.
+        thicker_m: additional thickness of the fingers, m.
+        bodies: all bodies that the arm handles in its plan.
+    """
+
+    finger_m: float
+    thicker_m: float
+    bodies: tuple[Carried, ...]
+
+
+class Episode(NamedTuple):
+    """An interval of one arm's steps in which its hand's state is the same.
+
+    Attributes:
+        first: number of its first step.
+        last: number of its last step.
+        is_grip: whether it is a gripper action.
+        state: of the hand.
+    """
+
+    first: int
+    last: int
+    is_grip: bool
+    state: HandState
+
+
+def episodes_of(plan: Plan, manipulator: Manipulator, names: Iterable[str]) -> tuple[Episode, ...]:
+    """The states of a hand during a complete plan of its arm, in order.
+
+    Args:
+        plan: the plan.
+        manipulator: the arm and its hand.
+        names: of the bodies that the arm handles.
+    """
+    episodes: list[Episode] = []
+    for number, step in enumerate(plan):
+        begin = state_of(step)
+        end = after(step, begin, manipulator) if isinstance(step, Grip) else begin
+        state = _hand_state(sorted(names), (begin, end), manipulator)
+        is_grip = isinstance(step, Grip) and (step.body is not None or state.thicker_m > SAME_M)
+        if episodes and not is_grip and not episodes[-1].is_grip:
+            episodes[-1] = episodes[-1]._replace(last=number)
+        else:
+            episodes.append(Episode(number, number, is_grip, state))
+    return tuple(episodes)
+
+
+def _hand_state(
+    names: Sequence[str], ends: tuple[State, State], manipulator: Manipulator
+) -> HandState:
+    """The state of a hand between the beginning and the end of a step, in which its arm rests."""
+    begin, end = ends
+    finger = manipulator.hand.joint_names[0]
+    first_m, last_m = begin.joints[finger], end.joints[finger]
+    held, bodies = begin.holding(manipulator.arm.side), []
+    for name in names:
+        body, moved_m = begin.scene[name], 0.0
+        if end is not begin:
+            moved_m = _farthest_m(body, end.scene[name].T_base_body)
+        T_tip_body = held.T_link_body if held is not None and held.body == name else None
+        bodies.append(Carried(body, T_tip_body, moved_m if moved_m > SAME_M else 0.0))
+    travel_m = abs(last_m - first_m)
+    return HandState((first_m + last_m) / 2, travel_m / 2, tuple(bodies))
+
+
+def _farthest_m(body: Body, T_base_moved: pin.SE3) -> float:
+    """An upper bound on the distance that any point of a body moves to another pose, m."""
+    if body.T_base_body.isApprox(T_base_moved, SAME_M):
+        return 0.0
+    T = body.T_base_body.inverse() * T_base_moved
+    corners = np.array(list(product(*zip(*_box_of(body), strict=True))))
+    moved = corners @ T.rotation.T + T.translation - corners
+    return float(np.linalg.norm(moved, axis=1).max())  # convex in the point, so at a corner
+
+
+def _box_of(body: Body) -> tuple[FloatArray, FloatArray]:
+    """Corners of a box around a body, seen from the body, each of shape (3,), m."""
+    spans = np.array([body.extent_m(axis) for axis in body.T_base_body.rotation.T])
+    at = body.T_base_body.rotation.T @ body.T_base_body.translation
+    return spans[:, 0] - at, spans[:, 1] - at
+
+
+class BetweenArms(ClearanceChecker):
+    """The distances of both arms, with their hands and bodies, from each other.
+
+    Pairs within an arm, and those with anything else, are not checked; each arm's own plan is
+    proven for them.
+    """
+
+    def __init__(
+        self,
+        shapes: RobotShapes,
+        manipulators: Mapping[str, Manipulator],
+        states: tuple[HandState, HandState],
+    ) -> None:
+        """Build the geometry.
+
+        Args:
+            shapes: the robot's shapes, no arm left out.
+            manipulators: of both arms.
+            states: of the left and the right hand.
+        """
+        arms = tuple(manipulators[side].arm for side in LIMBS)
+        self._both = shapes, manipulators, states
+        self.arm, self.shapes, self.contacts = arms[0], shapes, ()
+        self.robot = shapes.robot.model
+        self._hulls = {}
+        builder = ShapePairsBuilder(shapes, arms[0])
+        of = [shapes.of_arm(arm) for arm in arms]
+        builder.pairs = [
+            pair
+            for pair in shapes.pairs
+            if not of[0].isdisjoint(pair) and not of[1].isdisjoint(pair)
+        ]
+        carried = [
+            list(_added(builder, arm.tip_frame, state))
+            for arm, state in zip(arms, states, strict=True)
+        ]
+        for side, other in ((0, 1), (1, 0)):
+            for indices, _ in carried[side]:
+                for pair in product(sorted(of[other] & shapes.wholes), indices):
+                    builder.pair(*pair)
+        for (first, is_held), (second, other_held) in product(*carried):
+            if is_held or other_held:
+                for pair in product(first, second):
+                    builder.pair(*pair)
+        for arm, state in zip(arms, states, strict=True):
+            for index in (i for finger in shapes.of_fingers(arm) for i in finger):
+                builder.thicken(index, state.thicker_m)
+        self.checked = builder.build()
+        self.geometry = self.checked.geometry
+
+    def __reduce__(self):  # type: ignore[no-untyped-def]
+        return BetweenArms, self._both
+
+    @cached_property
+    def mover(self) -> Mover:
+        """Both arms."""
+        return Mover.of(*(self.shapes.robot.arm(side) for side in LIMBS))
+
+
+def _added(
+    builder: ShapePairsBuilder, tip_frame: str, state: HandState
+) -> Iterator[tuple[list[int], bool]]:
+    """Add the bodies of an arm: the numbers of each one's shapes, and whether it is held."""
+    for body, T_tip_body, thicker_m in state.bodies:
+        if T_tip_body is None:
+            indices = builder.add_standing(body)
+        else:
+            indices = builder.add_to(tip_frame, body, T_tip_body)
+        for index in indices:
+            builder.thicken(index, thicker_m)
+        yield indices, T_tip_body is not None
+
+
+class Window(NamedTuple):
+    """An interval of the clock in which the states of both hands are the same.
+
+    Attributes:
+        begin_s: when it begins.
+        end_s: when it ends.
+        episodes: numbers of the left and the right arm's episode.
+    """
+
+    begin_s: float
+    end_s: float
+    episodes: tuple[int, int]
+
+
+class Across:
+    """Both arms against each other, for all combinations of the states of their hands."""
+
+    def __init__(
+        self,
+        manipulators: Mapping[str, Manipulator],
+        episodes: Mapping[str, Sequence[Episode]],
+        q_others: FloatArray,
+        margin_m: float,
+    ) -> None:
+        """Store the states.
+
+        Args:
+            manipulators: of both arms, whose shapes leave out no arm.
+            episodes: of both arms, in order.
+            q_others: a full configuration, shape (19,), for the joints of neither arm.
+            margin_m: distance that both arms keep.
+        """
+        self.manipulators, self.episodes = manipulators, episodes
+        self.margin_m = margin_m
+        self._q_others = q_others
+        self._shapes = manipulators[LIMBS[0]].shapes
+        self._contexts: dict[tuple[int, int], CollisionContext] = {}
+        self._obstacles: dict[tuple[tuple[int, int], float], Obstacles] = {}
+
+    def context(self, at: tuple[int, int]) -> CollisionContext:
+        """The context of all 14 joints, by the numbers of the left and the right episode."""
+        if at not in self._contexts:
+            states = tuple(self.episodes[s][k].state for s, k in zip(LIMBS, at, strict=True))
+            left, right = states
+            full = np.array(self._q_others)
+            for side, state in zip(LIMBS, states, strict=True):
+                manipulator = self.manipulators[side]
+                fingers = manipulator.hand.finger_joints(state.finger_m)
+                full[list(manipulator.robot.indices(tuple(fingers)))] = list(fingers.values())
+            checker = BetweenArms(self._shapes, self.manipulators, (left, right))
+            self._contexts[at] = CollisionContext(checker, full, margin_m=self.margin_m)
+        return self._contexts[at]
+
+    def obstacles(self, at: tuple[int, int], extra_m: float) -> Obstacles:
+        """The obstacles of a context, with a distance in addition to the margin."""
+        if (at, extra_m) not in self._obstacles:
+            none = np.zeros((0, 14))
+            found = self.context(at).obstacles(self.margin_m + extra_m, none)
+            self._obstacles[at, extra_m] = found
+        return self._obstacles[at, extra_m]
+
+    def prove(self, plan: TwoArmPlan) -> ContinuousResult:
+        """A proof that both arms keep clear in a plan, or the contact that prevents it.
+
+        Times are those of the common clock.
+        """
+        motion, proofs = plan.trajectory, []
+        for window in windows_of(plan, self.episodes):
+            context = self.context(window.episodes)
+            part = between(motion, window.begin_s, window.end_s)
+            result = prove_clear(context.checker, part, context.q_others, margin_m=self.margin_m)
+            near = result.nearest
+            if near.time_s is not None:
+                near = evolve(near, time_s=near.time_s + window.begin_s)
+            if isinstance(result, ContinuousContact):
+                return evolve(result, nearest=near, duration_s=motion.duration)
+            proofs.append((result, near))
+        return ContinuousProof(
+            min(proof.proven_m for proof, _ in proofs),
+            min((near for _, near in proofs), key=lambda near: near.distance_m),
+            self.margin_m,
+            sum(proof.intervals for proof, _ in proofs),
+            sum(proof.evaluations for proof, _ in proofs),
+        )
+
+
+def changes_of(
+    plan: Plan, begins_s: Sequence[float], grip_s: float, episodes: Sequence[Episode]
+) -> FloatArray:
+    """When each episode but the first begins on the clock, shape (episodes - 1,), s.
+
+    A rest before a gripper action belongs to the moves before it, one after it to those after.
+    """
+    times = []
+    for before, episode in pairwise(episodes):
+        if episode.is_grip:
+            times.append(begins_s[episode.first])
+        else:
+            times.append(begins_s[before.last] + duration_of(plan.steps[before.last], grip_s))
+    return np.array(times)
+
+
+def windows_of(plan: TwoArmPlan, episodes: Mapping[str, Sequence[Episode]]) -> list[Window]:
+    """The clock of a plan, cut where either hand changes its state."""
+    changes = [
+        changes_of(plan.plans[side], plan.begins_s[side], plan.grip_s, episodes[side])
+        for side in LIMBS
+    ]
+    cuts = np.unique(np.concatenate([[0.0, plan.duration_s], *changes]))
+    windows = []
+    for begin_s, end_s in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        if end_s - begin_s > SAME_TIME_S:
+            middle_s = (begin_s + end_s) / 2
+            left, right = (int((times < middle_s).sum()) for times in changes)
+            windows.append(Window(begin_s, end_s, (left, right)))
+    return windows
