@@ -134,11 +134,15 @@ class Guess(NamedTuple):
 
 
 class PairSearch:
-    """The search for one task of each arm."""
+    """The search for one task of each arm.
+
+    Attributes:
+        tasks: "left" and "right".
+    """
 
     def __init__(self, problem: Problem, tasks: Mapping[str, PickAndPlace]) -> None:
         """Store a checked problem, and the task of each arm."""
-        self._problem, self._tasks, self._reason = problem, tasks, ""
+        self._problem, self.tasks, self._reason = problem, tasks, ""
 
     def plan(self) -> TwoArmPlan:
         """The plan, or why there is none."""
@@ -159,7 +163,7 @@ class PairSearch:
             sequence = StepSequence(self._problem)
             try:
                 for side in order:
-                    sequence.add_cycle(side, self._tasks[side])
+                    sequence.add_cycle(side, self.tasks[side])
                 plans.append(sequence.planned(reason))
             except NoSolutionError as stop:
                 failure = stop.failure
@@ -173,7 +177,7 @@ class PairSearch:
         problem = self._problem
         return {
             side: ArmCycle.of(
-                self._tasks[side],
+                self.tasks[side],
                 problem.manipulators[side],
                 problem.state,
                 problem.handled[other_than(side)],
@@ -247,7 +251,7 @@ class PairSearch:
         if not self._is_end_clear(self.cycles) and self._problem.requirements.may_withdraw:
             chosen += self._withdrawing()
         if not chosen:
-            at = " and ".join(position(task.T_base_end) for task in self._tasks.values())
+            at = " and ".join(position(task.T_base_end) for task in self.tasks.values())
             reason = (
                 f"both hands cannot be at {at} at once: none of {ends.pairs} pairs of "
                 "configurations is clear"
@@ -297,7 +301,7 @@ class PairSearch:
         context, qs = self._end_context(cycles), []
         for side in LIMBS:
             samples = sample_solutions(
-                self._problem.manipulators[side].ik, self._tasks[side].T_base_end
+                self._problem.manipulators[side].ik, self.tasks[side].T_base_end
             )
             some = np.linspace(0, len(samples) - 1, min(len(samples), MAX_ENDS)).round()
             qs.append(samples[some.astype(int)])
