@@ -254,10 +254,10 @@ def check_both(
             certificates = {part: Witness.of_file(stated[part]) for part in (*LIMBS, BETWEEN)}
         for each in certificates.values():
             each.require_of(body)
-        plan, found, timelines = document["plan"], {}, {}
+        plan = document["plan"]
         require(plan["failure"] is None, "the plan says itself that it failed")
-        for side, own in alone(document).items():
-            timelines[side] = Timeline(
+        timelines = {
+            side: Timeline(
                 own["plan"],
                 own["states"],
                 Robot(urdf, side),
@@ -266,14 +266,16 @@ def check_both(
                 limits=limits,
                 is_alone=True,
             )
-            found[side] = replace(
-                _certified(timelines[side], body, certificates[side]), worst=timelines[side].worst
-            )
+            for side, own in alone(document).items()
+        }
         margins = [step.margin_m for step in certificates[BETWEEN].steps]
         both = BothArms(body, timelines, plan["begins_s"], float(plan["grip_s"]), margins)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
-    return {**found, BETWEEN: _certified(both, body, certificates[BETWEEN])}
+    parts: dict[str, Timeline | BothArms] = {**timelines, BETWEEN: both}
+    found = {name: _certified(part, body, certificates[name]) for name, part in parts.items()}
+    arms = {side: replace(found[side], worst=timelines[side].worst) for side in LIMBS}
+    return {**found, **arms}
 
 
 def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -12,7 +12,7 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Manipulator, TwoArmPlan, load_two_arm_plan, save_two_arm_plan
+from planner import Manipulator, PlanFailure, TwoArmPlan, load_two_arm_plan, save_two_arm_plan
 from planner.certificate.__main__ import main as check_file
 from planner.certificate.checking import Witness, check_both
 from planner.certificate.errors import NotCertifiedError
@@ -96,18 +96,12 @@ def test_files_of_other_plans_are_refused(plain_plan: TwoArmPlan, tmp_path: Path
 
 
 def test_a_plan_that_failed_is_not_certified(plain_plan: TwoArmPlan) -> None:
-    failed = evolve(plain_plan, failure=_failure(plain_plan))
+    failed = evolve(plain_plan, failure=PlanFailure("together", "none is found"))
     assert "failed" in verify_both(failed).verdict
     with pytest.raises(TaskError, match="failed"):
         certificate_of_both(failed)
     with pytest.raises(TaskError, match="TwoArmPlan"):
         verify_both(plain_plan.plans["left"])  # type: ignore[arg-type]
-
-
-def _failure(plan: TwoArmPlan) -> Any:
-    from planner import PlanFailure  # noqa: PLC0415
-
-    return PlanFailure("together", "for a test")
 
 
 def plan_of(document: Data, side: str = "left") -> Data:
@@ -201,7 +195,7 @@ def exchanged(document: Data) -> None:
     parts["left"], parts["right"] = parts["right"], parts["left"]
 
 
-EDITS: dict[str, tuple[Change, str]] = {
+EDITS: dict[str, tuple[Change, str | None]] = {
     "a step begins too early": (later("left", 1, -0.2), "before the one before"),
     "a step begins too late for the next one": (later("right", 2, 0.2), "before the one before"),
     "an arm begins later": (all_later("left", 0.1), "windows|apart|ends too soon|malformed"),
@@ -210,14 +204,14 @@ EDITS: dict[str, tuple[Change, str]] = {
     "grips take no time": (stating(grip_s=-0.1), "malformed"),
     "grips take longer": (stating(grip_s=0.7), "before the one before"),
     "another start of an arm": (turned("left_w0", 0.01), "does not begin where the arm is"),
-    "both bodies at one place": (moved("left", "right"), ""),
+    "both bodies at one place": (moved("left", "right"), None),
     "a body of the other arm": (handled("right"), "both arms handle right"),
     "a hand holds something": (held, "holds something at first"),
     "an arm stands still": (without_moves, "does not move"),
     "it failed": (stating(failure={"stage": "together", "reason": "none"}), "failed"),
     "arms of other names": (stating(plans={}), "malformed"),
     "too wide apart": (wider, "apart"),
-    "exchanged certificates": (exchanged, ""),
+    "exchanged certificates": (exchanged, None),
     "no window": (certified("between", steps=[]), "other windows"),
     "no rows": (certified("between", letters=""), "malformed"),
     "another body": (certified("between", body="0"), "another body"),
@@ -225,9 +219,7 @@ EDITS: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edited_plan_of_both_arms_is_refused(
-    robot: Baxter, document: Data, name: str
-) -> None:
+def test_an_edited_plan_of_both_arms_is_refused(robot: Baxter, document: Data, name: str) -> None:
     edit, reason = EDITS[name]
     edited = copy.deepcopy(document)
     edit(edited)
