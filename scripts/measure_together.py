@@ -18,8 +18,8 @@ median of each kind,
 - the distance that is proven to be kept between the arms, and CPU seconds of planning.
 
 Samples of every plan, 1 ms apart, are checked by Pinocchio's broad phase to be no nearer than
-proven, or than 20 mm where more is proven. In turn is planned for comparison only; its CPU time is not counted. The exit status is 1
-when a sample contradicts the proof, or a pair has neither a plan nor a reason.
+proven, or than 20 mm where more is proven. In turn is planned for comparison only; its CPU time is
+not counted. The exit status is 1 when a sample contradicts the proof.
 """
 
 from __future__ import annotations

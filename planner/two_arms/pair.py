@@ -128,6 +128,14 @@ class Guess(NamedTuple):
     variant: Variant
 
     @property
+    def rank(self) -> float:
+        """The smaller, the better: half the cost of missing distances counts.
+
+        From a start that overlaps a little more, the program ends sooner, and often faster.
+        """
+        return (self.merit_s + self.end_s) / 2.0
+
+    @property
     def is_clear(self) -> bool:
         """Whether both arms keep clear at all instants that were examined."""
         return self.merit_s <= self.end_s
@@ -206,7 +214,7 @@ class PairSearch:
         yield Timing(self.cycles, dict.fromkeys(LIMBS, none))
         variants = self._variants()
         guesses = [guess for variant in variants for guess in self._scanned(variant)]
-        guesses.sort(key=lambda guess: guess.merit_s)
+        guesses.sort(key=lambda guess: guess.rank)
         shortest_s = max(self._duration_s(cycle) for cycle in self.cycles.values())
         clear = sorted((each for each in guesses if each.is_clear), key=lambda each: each.end_s)
         if clear and clear[0].end_s <= NO_LOSS * shortest_s:
@@ -338,7 +346,7 @@ class PairSearch:
 def _is_minimum(guess: Guess, guesses: Sequence[Guess]) -> bool:
     """Whether the guesses with the neighbouring delays of the same variant are not better."""
     return all(
-        guess.merit_s <= other.merit_s
+        guess.rank <= other.rank
         for other in guesses
         if other.variant is guess.variant and abs(other.delay_s - guess.delay_s) < 1.5 * SCAN_STEP_S
     )

@@ -24,7 +24,7 @@ def plain(manipulators: dict[str, Manipulator]) -> PairOfTasks:
 @pytest.fixture(scope="session")
 def crossing(manipulators: dict[str, Manipulator]) -> PairOfTasks:
     """Each block lies on the other arm's side, so the ways to and from them cross."""
-    left, right = ((0.58, -0.06, 0.0), (0.7, 0.35, 0.0)), ((0.8, 0.06, 0.0), (0.7, -0.35, 0.0))
+    left, right = ((0.6, -0.08, 0.0), (0.7, 0.35, 0.0)), ((0.72, 0.08, 0.0), (0.62, -0.35, 0.0))
     return pair(manipulators, left, right)
 
 
