@@ -162,7 +162,8 @@ class PairSearch:
                     return plan
         except NoSolutionError as stop:
             return self._problem.failed(stop.failure)
-        return self.in_turn(f"no motion of both arms at once was found: {self._reason}")
+        tried = f"; in the last one that was tried, {self._reason}"
+        return self.in_turn(f"no motion of both arms at once was found{tried}")
 
     def in_turn(self, reason: str) -> TwoArmPlan:
         """The faster of both orders in which one arm moves at a time; or why there is none."""
@@ -336,11 +337,11 @@ class PairSearch:
             moves = [number for number, step in enumerate(plan) if isinstance(step, Move)]
             waits_s = {moves[k]: wait for k, wait in timing.waits_s[side].items()}
             begins[side] = begins_of(plan, self._problem.requirements.grip_s, waits_s)
-        plan = self._problem.proven(plans, begins)
-        if isinstance(plan, ContinuousContact):
-            self._reason = str(plan)
+        found = self._problem.proven(plans, begins)
+        if isinstance(found, ContinuousContact):
+            self._reason = str(found)
             return None
-        return plan
+        return found
 
 
 def _is_minimum(guess: Guess, guesses: Sequence[Guess]) -> bool:

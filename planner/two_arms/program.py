@@ -228,9 +228,9 @@ class JointProgram:
         end_s = max(clock.end_s for clock in clocks)
         times = np.linspace(0.0, end_s, SCAN_INSTANTS)
         qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
-        missing_m = sum(
-            -near.least_m(qs[where], 0.0).sum() for near, where in self._by_state(clocks, times)
-        )
+        missing_m = 0.0
+        for near, where in self._by_state(clocks, times):
+            missing_m -= float(near.least_m(qs[where], 0.0).sum())
         return end_s + SHORTFALL_PER_M * missing_m * INSTANTS / SCAN_INSTANTS * _unit_s(guess)
 
     def excess_m(self, guess: Sequence[Timed]) -> float:

@@ -11,7 +11,16 @@ import pytest
 from baxter_kin import Baxter, BaxterError
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import evolve
-from planner import Grip, Manipulator, Move, Plan, Scene, TwoArmPlan, plan_together
+from planner import (
+    Grip,
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Plan,
+    Scene,
+    TwoArmPlan,
+    plan_together,
+)
 from planner.clearance import ContinuousContact, ContinuousProof
 from planner.errors import MotionError, SceneError, TaskError
 from planner.plan import PlanFailure
@@ -176,7 +185,7 @@ def test_tasks_are_done_in_the_given_order(manipulators: dict[str, Manipulator])
     left, right = (first, (0.8, 0.3, 0.0)), ((0.75, -0.2, 0.3), (0.65, -0.4, 0.0))
     problem = pair(manipulators, left, right)
     scene = problem.state.scene.with_body(block("third", second))
-    lists = {
+    lists: dict[str, PickAndPlace | list[PickAndPlace]] = {
         "left": [problem.tasks["left"], carry("third", second, first)],
         "right": problem.tasks["right"],
     }
@@ -226,9 +235,10 @@ def test_arms_in_contact_at_the_start_are_refused(plain: PairOfTasks) -> None:
 def test_bad_input_is_refused(
     plain: PairOfTasks, changes: dict[str, Any], error: type[BaxterError]
 ) -> None:
-    given = dict(zip(("tasks", "manipulators", "state"), plain.arguments, strict=True)) | changes
+    names = "tasks", "manipulators", "state"
+    given: dict[str, Any] = dict(zip(names, plain.arguments, strict=True))
     with pytest.raises(error):
-        plan_together(**given)
+        plan_together(**given | changes)
 
 
 def test_contradictory_problems_are_refused(plain: PairOfTasks) -> None:
