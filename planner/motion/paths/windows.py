@@ -40,9 +40,10 @@ from planner.motion.program.unknowns import MotionTask, Phase
 from planner.splines import Sketch, trajectory_of
 from planner.trajectory import Trajectory
 
-WINDOW, KEPT, SHORTER = 8, 4, 2
-"""Number of pieces in a window, how many of them are kept, and by how many at a time a window is
-shortened that has no solution."""
+WINDOW, KEPT, AHEAD, SHORTER = 8, 4, 2, 2
+"""Number of pieces in a window, how many of them are kept, how many after those must be near the
+path as well, and by how many at a time a window is shortened that has no solution. The state in
+which a window is left must allow a motion with the intervals that the next pieces need."""
 
 FEW, MANY, MANY_M, MAX_INTERVALS = 6, 12, 0.03, 48
 """Initial number of intervals of a piece; that of a longer one with corners at both ends, which is
@@ -51,7 +52,6 @@ too short for ramps; and the maximum number."""
 SMOOTHING = 100.0
 """Weight of squared third differences of the controls where the tip has a set speed. Without it,
 the arm uses what freedom it has in ways that change from interval to interval."""
-
 
 OPTIONS = {
     "ipopt.slack_bound_push": 1e-2,
@@ -127,7 +127,7 @@ class Windows:
         """The motions of a window, with enough intervals that the tip stays on the path."""
         first = len(found)
         is_last = first + len(sketches) == len(self._task.pieces)
-        judged = len(sketches) if is_last else self._kept(len(sketches))
+        judged = len(sketches) if is_last else self._kept(len(sketches)) + AHEAD
         while True:
             window = self._clear(found, sketches)
             if window is None:
