@@ -17,9 +17,11 @@ from baxter_kin.validation import FloatArray, finite_array
 from planner import (
     Arc,
     Curve,
+    FollowedPath,
     LineTolerance,
     Manipulator,
     Move,
+    PathMove,
     Plan,
     Polyline,
     State,
@@ -27,15 +29,16 @@ from planner import (
     plan_free_move,
     plan_path_move,
 )
+from planner.collision.context import CollisionContext
+from planner.errors import PathMoveError
 from planner.motion.paths.path import TipPath, pieces_of
-from planner.motion.paths.pieces import Piece
 from sim.errors import SimulationError
-from sim.workbench.lettering import strokes
+from sim.workbench import lettering
 
 Drawing: TypeAlias = str | TipPath | FloatArray | Sequence[TipPath] | Sequence[ArrayLike]
 """Text, a path or several, a stroke as an array of x and y in base, m, or several strokes."""
 
-PEN_M, LIFT_M = 0.05, 0.01
+PEN_M, LIFT_M = 0.05, 0.005
 """Default height of the tip above the table while it draws, and by how much it rises between
 strokes."""
 
@@ -49,38 +52,45 @@ SAME_M = 1e-6
 """Points at a smaller distance are the same."""
 
 
-def path_of(drawing: Drawing, z_m: float) -> tuple[TipPath, ...]:
-    """The whole path of the tip, from above the first stroke to above the last.
+Stroke: TypeAlias = tuple[TipPath, ...]
+"""Paths that follow one another."""
+
+
+def strokes_of(drawing: Drawing, z_m: float) -> tuple[Stroke, ...]:
+    """The strokes of a drawing, with the hand pointing down.
 
     Args:
         drawing: what to draw; of a path, x and y count.
-        z_m: height of the tip in base while it draws.
+        z_m: height of the tip in base.
 
     Raises:
         SimulationError: when the drawing is malformed.
-        MotionError: when a path has no length.
+        MotionError: when a path is invalid or has no length.
     """
-    found: list[TipPath] = []
-    end: pin.SE3 | None = None
+    found: list[list[TipPath]] = []
     for part in _level_parts(drawing, z_m):
-        pieces = pieces_of(part)
-        start = pieces[0].T_base_start
-        if end is None:
-            found.append(Polyline([_lifted(start), start]))
-        elif np.abs(end.translation - start.translation).max() > SAME_M:
-            found.append(Polyline([end, _lifted(end), _lifted(start), start]))
-        found.append(part)
-        end = pieces[-1].T_base_goal
-    if end is None:
+        is_next = found and _gap_m(_end(found[-1][-1]), _start(part)) <= SAME_M
+        if is_next:
+            found[-1].append(part)
+        else:
+            found.append([part])
+    if not found:
         raise SimulationError("there is nothing to draw")
-    return *found, Polyline([end, _lifted(end)])
+    return tuple(map(tuple, found))
+
+
+def points_of(strokes: Sequence[Stroke]) -> FloatArray:
+    """Positions at the ends of the pieces of strokes, shape (n, 3), m."""
+    pieces = [piece for stroke in strokes for piece in pieces_of(stroke)]
+    ends = [T.translation for each in pieces for T in (each.T_base_start, each.T_base_goal)]
+    return np.array(ends)
 
 
 class PlannedDrawing(NamedTuple):
     """A plan that draws.
 
     Attributes:
-        plan: a move to the start of the path, and the one that draws.
+        plan: free moves, each followed by a move along a path that draws strokes.
         times_s: when the tip draws: from when to when, shape (k, 2), s from the plan's start.
     """
 
@@ -89,43 +99,98 @@ class PlannedDrawing(NamedTuple):
 
 
 def plan_drawing(
-    arm: Manipulator, state: State, path: Sequence[TipPath], tolerance: LineTolerance, z_m: float
+    arm: Manipulator, state: State, strokes: Sequence[Stroke], tolerance: LineTolerance
 ) -> PlannedDrawing:
     """Plan how an arm draws, clear of everything.
+
+    All strokes are one motion if one is found. Otherwise the arm rests above the end of the last
+    stroke to which one leads, and moves freely to the start of the next.
 
     Args:
         arm: the arm.
         state: robot and bodies now.
-        path: of the tip, as of `path_of`.
+        strokes: as of `strokes_of`.
         tolerance: maximum deviation of the tip.
-        z_m: height of the tip in base while it draws.
 
     Raises:
         MotionError: when no motion is found.
     """
-    here = arm.at(state)
-    move = plan_path_move(arm, None, path, tolerance=tolerance, context=here)
-    q_now, q_start = state.q(arm.arm.joint_names), move.trajectory.q_start
-    approach = plan_free_move(q_now, q_start, arm.limits, here)
-    moves = Move("draw: approach", approach), Move("draw: strokes", move.trajectory)
-    plan = complete(Plan(state, moves, robot=arm.identity), manipulator=arm)
-    return PlannedDrawing(plan, approach.duration + _drawn_s(move.pieces, move.ends_s, z_m))
+    here, q, time_s = arm.at(state), state.q(arm.arm.joint_names), 0.0
+    moves, drawn_s, left = list[Move](), list[FloatArray](), list(strokes)
+    while left:
+        found, count = _along_most(arm, left, tolerance, here)
+        approach = plan_free_move(q, found.trajectory.q_start, arm.limits, here)
+        moves += [
+            Move(f"draw: approach{_number(moves)}", approach),
+            Move(f"draw: strokes{_number(moves)}", found.trajectory, path=found.path),
+        ]
+        time_s += approach.duration
+        drawn_s.append(time_s + _drawn_s(found.path, float(points_of(left)[0, 2])))
+        q, time_s = found.trajectory.q_goal, time_s + found.trajectory.duration
+        del left[:count]
+    plan = complete(Plan(state, tuple(moves), robot=arm.identity), manipulator=arm)
+    return PlannedDrawing(plan, np.concatenate(drawn_s))
 
 
-def _drawn_s(pieces: Sequence[Piece], ends_s: FloatArray, z_m: float) -> FloatArray:
+def _number(moves: Sequence[Move]) -> str:
+    return f" {len(moves) // 2 + 1}" if moves else ""
+
+
+def _along_most(
+    arm: Manipulator, strokes: Sequence[Stroke], tolerance: LineTolerance, here: CollisionContext
+) -> tuple[PathMove, int]:
+    """A motion along the first strokes, as many as one is found for, and their number."""
+    count = len(strokes)
+    while True:
+        path = list(_with_lifts(strokes[:count]))
+        try:
+            return plan_path_move(arm, None, path, tolerance=tolerance, context=here), count
+        except PathMoveError as failure:
+            ends_m = [_length_m(list(_with_lifts(strokes[: k + 1]))) for k in range(count - 1)]
+            count = int(np.searchsorted(ends_m, failure.length_m))
+            if not count:
+                raise
+
+
+def _with_lifts(strokes: Sequence[Stroke]) -> Iterator[TipPath]:
+    """The path of the tip, from above the first stroke to above the last."""
+    end: pin.SE3 | None = None
+    for stroke in strokes:
+        start = _start(stroke[0])
+        if end is None:
+            yield Polyline([_lifted(start), start])
+        else:
+            yield Polyline([end, _lifted(end), _lifted(start), start])
+        yield from stroke
+        end = _end(stroke[-1])
+    if end is not None:
+        yield Polyline([end, _lifted(end)])
+
+
+def _length_m(path: Sequence[TipPath]) -> float:
+    return sum(piece.length_m for piece in pieces_of(path))
+
+
+def _start(part: TipPath) -> pin.SE3:
+    return pieces_of(part)[0].T_base_start
+
+
+def _end(part: TipPath) -> pin.SE3:
+    return pieces_of(part)[-1].T_base_goal
+
+
+def _gap_m(one: pin.SE3, other: pin.SE3) -> float:
+    return float(np.abs(one.translation - other.translation).max())
+
+
+def _drawn_s(path: FollowedPath, z_m: float) -> FloatArray:
     """When the tip is at a height: from when to when, shape (k, 2), s from the start of a path."""
     shares = np.linspace(0.0, 1.0, 4)  # which determine a cubic
-    heights = np.array([piece.positions(shares)[:, 2] for piece in pieces])
+    heights = np.array([piece.positions(shares)[:, 2] for piece in path.pieces])
     is_drawn = (np.abs(heights - z_m) <= SAME_M).all(axis=1)
     edges = np.flatnonzero(np.diff(is_drawn, prepend=False, append=False))
-    found: FloatArray = np.concatenate([[0.0], ends_s])[edges].reshape(-1, 2)
+    found: FloatArray = np.concatenate([[0.0], path.ends_s])[edges].reshape(-1, 2)
     return found
-
-
-def points_of(path: Sequence[TipPath]) -> FloatArray:
-    """Positions at the ends of the pieces of a path, shape (n, 3), m."""
-    pieces = pieces_of(path)
-    return np.array([T.translation for each in pieces for T in (each.T_base_start, each.T_base_goal)])
 
 
 def _lifted(T: pin.SE3) -> pin.SE3:
@@ -134,7 +199,7 @@ def _lifted(T: pin.SE3) -> pin.SE3:
 
 def _level_parts(drawing: object, z_m: float) -> Iterator[TipPath]:
     """The strokes at their height, with the hand pointing down."""
-    given = strokes(drawing) if isinstance(drawing, str) else drawing
+    given = lettering.strokes(drawing) if isinstance(drawing, str) else drawing
     is_one = isinstance(given, np.ndarray) and given.ndim == 2
     if is_one or isinstance(given, (Polyline, Arc, Curve)):
         given = [given]

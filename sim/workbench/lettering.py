@@ -17,7 +17,7 @@ from sim.errors import SimulationError
 FONT = "futural"
 """Hershey's sans serif of 1967 whose strokes are single lines."""
 
-LETTER_M, CENTRE = 0.06, (0.66, 0.15)
+LETTER_M, CENTRE = 0.06, (0.70, 0.30)
 """Default height of capital letters; and x and y of the middle of a text, in front of the left
 arm."""
 

@@ -46,7 +46,6 @@ from planner import (
     verify,
 )
 from planner.errors import MotionError, SceneError
-from planner.motion.paths.path import TipPath
 from planner.motion.upright import DEFAULT_TILT_RAD
 from planner.scene.contact import depth_m
 from planner.scene.objects import resolve_colour
@@ -58,7 +57,7 @@ from sim.recording.recording import Recording
 from sim.simulation import Simulation, Strokes
 from sim.view.replay import Replay
 from sim.workbench import tabletop
-from sim.workbench.drawing import PEN_M, TOLERANCE, Drawing, path_of, plan_drawing, points_of
+from sim.workbench.drawing import PEN_M, TOLERANCE, Drawing, Stroke, plan_drawing, points_of, strokes_of
 from sim.world.world import World
 
 _LOG = logging.getLogger(__name__)
@@ -317,8 +316,9 @@ class Workbench(OneLine):
     ) -> TaskResult:
         """Draw on the table with a pen that reaches down from the tip.
 
-        The hand points down. It draws stroke after stroke and rises by 1 cm in between, in one
-        motion without stops; corners are rounded within the tolerance. The replay shows the ink.
+        The hand points down. It draws stroke after stroke and rises by 5 mm in between, in one
+        motion without stops, or in several where none is found; corners are rounded within the
+        tolerance. The replay shows the ink.
 
         Args:
             drawing: a text, a path or several (`Polyline`, `Arc`, `Curve`; their x and y count), a
@@ -339,9 +339,9 @@ class Workbench(OneLine):
         """
         height = positive_scalar(height_m, "height_m", SimulationError)
         expect(tolerance, LineTolerance, "tolerance", MotionError)
-        path = path_of(drawing, tabletop.TABLE_Z_M + height)
-        sides = (self._side(arm),) if arm is not None else self._sides_of(path)
-        result = self._drawn(path, tolerance, tabletop.TABLE_Z_M + height, sides)
+        strokes = strokes_of(drawing, tabletop.TABLE_Z_M + height)
+        sides = (self._side(arm),) if arm is not None else self._sides_of(strokes)
+        result = self._drawn(strokes, tolerance, sides)
         if isinstance(drawing, str):
             result = evolve(result, task=f"draw {quoted(drawing)}")
         self.tasks.append(result)
@@ -481,30 +481,30 @@ class Workbench(OneLine):
         return TaskResult.refused(body.name, "; ".join(reasons), planning_s, plan)
 
     def _drawn(
-        self, path: Sequence[TipPath], tolerance: LineTolerance, z_m: float, sides: Sequence[str]
+        self, strokes: Sequence[Stroke], tolerance: LineTolerance, sides: Sequence[str]
     ) -> TaskResult:
         """Draw with the first arm that can."""
         table, began = self.world.body(tabletop.TABLE), time.perf_counter()
-        places = (pin.SE3(np.eye(3), point) for point in points_of(path))
+        places = (pin.SE3(np.eye(3), point) for point in points_of(strokes))
         reasons = list(filter(None, (tabletop.beside(place, table) for place in places)))[:1]
         for side in () if reasons else sides:
             manipulator = self.arm(side)
             try:
-                found = plan_drawing(manipulator, self.world.state, path, tolerance, z_m)
+                found = plan_drawing(manipulator, self.world.state, strokes, tolerance)
             except MotionError as failure:
                 reasons.append(f"{side} arm, {failure}")
                 continue
             planning_s = time.perf_counter() - began
-            strokes = Strokes(tabletop.TABLE, found.times_s)
-            verdict, is_done = self._verified_and_executed(found.plan, f"{side} arm, ", strokes)
+            ink = Strokes(tabletop.TABLE, found.times_s)
+            verdict, is_done = self._verified_and_executed(found.plan, f"{side} arm, ", ink)
             motion_s, plan = found.plan.motion_time_s, found.plan
             return TaskResult("draw", "", side, motion_s, planning_s, None, verdict, is_done, plan)
         verdict, planning_s = f"refused: {'; '.join(reasons)}", time.perf_counter() - began
         return TaskResult("draw", "", "", 0.0, planning_s, None, verdict, False)
 
-    def _sides_of(self, path: Sequence[TipPath]) -> tuple[str, ...]:
-        """The arms, the one first on whose side a path is."""
-        is_left = float(points_of(path)[:, 1].mean()) >= 0.0
+    def _sides_of(self, strokes: Sequence[Stroke]) -> tuple[str, ...]:
+        """The arms, the one first on whose side most of the strokes are."""
+        is_left = float(points_of(strokes)[:, 1].mean()) >= 0.0
         return tuple(sorted(self._arms, reverse=not is_left))
 
     def _carried_after_withdrawal(
