@@ -292,9 +292,7 @@ class Simulation(OneLine):
         path, limb = iter(move.trajectory.sample(times).q), move.limb
         self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
 
-    def _pen_events(
-        self, strokes: Strokes | None
-    ) -> Iterator[tuple[float, EventKind, str, Body]]:
+    def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
         """When the pen touches and leaves what it draws on, from now on."""
         if strokes is None:
             return

@@ -91,7 +91,7 @@ two for the grippers' states."""
 SEGMENT_M = 0.015
 """Maximum length of the segments by which a line grows."""
 
-INK_RADIUS_M, INK_SEGMENT_M, INK_TOLERANCE_M = 1.3e-3, 0.004, 2e-4
+INK_RADIUS_M, INK_SEGMENT_M, INK_TOLERANCE_M = 2e-3, 0.004, 2e-4
 INK_RGB: Rgb = (0.06, 0.10, 0.30)
 """Ink: half its width, the length of its segments, its maximum distance from the recorded line, and
 its colour."""
@@ -337,7 +337,10 @@ def recorded_paths(
             is_holding = np.array([phase.is_holding for _, phase in phases[side]] or [False])
             now = is_holding[np.searchsorted(starts_s, times, side="right") - 1]
             begin = 0
-            for first, last in [*np.searchsorted(times, _drawn_s(recording, side)), [len(times)] * 2]:
+            for first, last in [
+                *np.searchsorted(times, _drawn_s(recording, side)),
+                [len(times)] * 2,
+            ]:
                 rows = slice(begin, first)
                 if first > begin:
                     yield from _pieces(side, times[rows], points[rows], now[rows])
@@ -345,7 +348,7 @@ def recorded_paths(
 
 
 def _drawn_s(recording: Recording, side: str) -> FloatArray:
-    """From when to when a hand draws, lifts included, shape (k, 2), s; a line would hide the ink."""
+    """From when to when a hand draws, lifts included, shape (k, 2), s."""
     found: list[list[float]] = []
     is_going_on = False
     for event in recording.events:
@@ -479,3 +482,41 @@ class TipPath:
                 removed.append(delete(self._kept.popleft()))
         line = line_command(path, np.array(self._points), PATH_RADIUS_M, line_rgb(self._is_holding))
         return [*removed, line]
+
+
+class Ink:
+    """The strokes of pens in a live view.
+
+    Attributes:
+        strokes: number of strokes so far.
+    """
+
+    def __init__(self) -> None:
+        """Begin without ink; strokes are nodes under `INK_PATH`."""
+        self.strokes = 0
+        self._pens: dict[str, tuple[Body | None, list[FloatArray]]] = {}
+        self._pieces = 0
+
+    def touch(self, side: str, body: Body | None) -> None:
+        """Begin a stroke of a hand on a body."""
+        self.strokes += 1
+        self._pens[side] = body, []
+
+    def leave(self, side: str) -> None:
+        """End the stroke of a hand."""
+        self._pens.pop(side, None)
+
+    def advance(self, side: str, point_base: FloatArray) -> list[Command]:
+        """The commands after a motion of a tip to a position, shape (3,), m; mostly none."""
+        if side not in self._pens:
+            return []
+        body, points = self._pens[side]
+        point = on_paper(point_base[None], body)[0]
+        if points and np.linalg.norm(point - points[-1]) < INK_SEGMENT_M:
+            return []
+        if not points or len(points) >= MAX_PIECE_POINTS:
+            del points[:-1]
+            self._pieces += 1
+        points.append(point)
+        path = f"{INK_PATH}/{self._pieces}"
+        return [InkLine(np.zeros(0), np.array(points)).command(path)] if len(points) > 1 else []

@@ -159,11 +159,13 @@ def recorded_bounds(recording: Recording, robot: Baxter) -> list[Command]:
         later = (other.time_s for other in begun[number + 1 :] if other.side == event.side)
         end_s = min([event.time_s + event.move.trajectory.duration, *later])
         first, end = np.searchsorted(recording.times_s, [event.time_s, end_s + ROUNDING_S])
-        rows = first + frame_samples(recording.times_s[first:end]) if end > first + 1 else []
-        if len(rows) < 2:
+        if end < first + 2:
             continue
+        rows = first + frame_samples(recording.times_s[first:end])
         times_s = recording.times_s[rows]
-        for kind, values, limit in _bounded(event.move, times_s - event.time_s, rows, recording, robot):
+        for kind, values, limit in _bounded(
+            event.move, times_s - event.time_s, rows, recording, robot
+        ):
             chosen = key_samples(times_s, values[:, None], ROW_TOLERANCE * limit)
             kinds.setdefault(kind, []).append(
                 {
@@ -187,8 +189,10 @@ def _bounded(
         if tolerance.turn is not Turn.FREE:
             yield "turn", off.off_rad, tolerance.rotation_rad
     held = None if move.state is None else move.state.holding(move.limb)
-    for claim in move.claims if held is not None else ():
-        if claim.kind == "upright" and held.body in recording.body_poses:
+    if held is None or held.body not in recording.body_poses:
+        return
+    for claim in move.claims:
+        if claim.kind == "upright":
             axis = np.array([claim.values[f"axis_{name}"] for name in "xyz"])
             quats = recording.body_poses[held.body][rows, 3:]
             up = np.array([pin.Quaternion(quat).matrix() @ axis for quat in quats])

@@ -285,7 +285,7 @@ def _timeline(
     pieces: Mapping[str, PathPiece],
     ink: Mapping[str, InkLine],
 ) -> Command:
-    """Captions, seeds, gripper phases, marks, paths and ink, with times in seconds from the start."""
+    """Captions, seeds, gripper phases, marks, paths, ink; times in seconds from the start."""
     start_s = float(recording.times_s[0])
     moved = {piece.side for piece in pieces.values()}
     return {
@@ -306,8 +306,7 @@ def _timeline(
             for path, piece in pieces.items()
         ],
         "ink": [
-            {"path": path, "times": (line.times_s - start_s).tolist()}
-            for path, line in ink.items()
+            {"path": path, "times": (line.times_s - start_s).tolist()} for path, line in ink.items()
         ],
         "sides": [side for side in phases if side in moved or len(phases[side]) > 1],
     }

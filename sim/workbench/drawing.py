@@ -194,7 +194,7 @@ def _drawn_s(path: FollowedPath, z_m: float) -> FloatArray:
 
 
 def _lifted(T: pin.SE3) -> pin.SE3:
-    return pin.SE3(T.rotation, T.translation + [0.0, 0.0, LIFT_M])
+    return pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, LIFT_M]))
 
 
 def _level_parts(drawing: object, z_m: float) -> Iterator[TipPath]:

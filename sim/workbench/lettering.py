@@ -17,7 +17,7 @@ from sim.errors import SimulationError
 FONT = "futural"
 """Hershey's sans serif of 1967 whose strokes are single lines."""
 
-LETTER_M, CENTRE = 0.06, (0.70, 0.30)
+LETTER_M, CENTRE = 0.06, (0.70, 0.25)
 """Default height of capital letters; and x and y of the middle of a text, in front of the left
 arm."""
 
@@ -66,7 +66,7 @@ def strokes(
             )
         glyph = glyphs[character]
         for line in _in_short_order(glyph.strokes):
-            placed = line + [right, 0.0]
+            placed = line + np.array([right, 0.0])
             if lines and np.array_equal(lines[-1][-1], placed[0]):
                 lines[-1] = np.vstack([lines[-1], placed[1:]])
             else:
@@ -74,7 +74,7 @@ def strokes(
         right += glyph.width
     if not lines:
         raise SimulationError(f"there is nothing to write in {quoted(text)}")
-    seen = [height * (line - [right / 2.0, 0.5]) for line in lines]
+    seen = [height * (line - np.array([right / 2.0, 0.5])) for line in lines]
     return tuple(middle + np.column_stack([each[:, 1], -each[:, 0]]) for each in seen)
 
 

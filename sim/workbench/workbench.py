@@ -57,7 +57,15 @@ from sim.recording.recording import Recording
 from sim.simulation import Simulation, Strokes
 from sim.view.replay import Replay
 from sim.workbench import tabletop
-from sim.workbench.drawing import PEN_M, TOLERANCE, Drawing, Stroke, plan_drawing, points_of, strokes_of
+from sim.workbench.drawing import (
+    PEN_M,
+    TOLERANCE,
+    Drawing,
+    Stroke,
+    plan_drawing,
+    points_of,
+    strokes_of,
+)
 from sim.world.world import World
 
 _LOG = logging.getLogger(__name__)

@@ -2,7 +2,7 @@
 const QUANTITIES = { q: ["Angle", "rad", 2], v: ["Velocity", "rad/s", 2], a: ["Acceleration", "rad/s²", 2] };
 // What moves keep within a bound: label, unit, digits, and the size of the unit.
 const BOUNDS = {
-  distance: ["Distance from the path", "mm", 2, 1e-3],
+  distance: ["Distance from the path", "\u00a0mm", 2, 1e-3],
   turn: ["Turn from the path", "°", 2, Math.PI / 180],
   tilt: ["Tilt of what is held", "°", 1, Math.PI / 180],
 };
@@ -133,10 +133,10 @@ function showBounds(time) {
   for (const { kind, spans, words } of panel.bounds) {
     const [label, name, digits, unit] = BOUNDS[kind];
     const span = spans.find(({ times }) => times[0] <= time && time <= times[times.length - 1] + 1e-6);
-    if (!span) { write(words, `${label}, ${name}`); continue; }
+    if (!span) { write(words, `${label}, ${name.trim()}`); continue; }
     const [i, share] = bracket(span.times, time);
     const value = span.values[i] + (share ? share * (span.values[i + 1] - span.values[i]) : 0);
-    write(words, `${label}: ${(value / unit).toFixed(digits)} of ${short(span.limit / unit)} ${name}`);
+    write(words, `${label}: ${(value / unit).toFixed(digits)} of ${short(span.limit / unit)}${name}`);
   }
 }
 
