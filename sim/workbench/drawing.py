@@ -199,7 +199,7 @@ def _lifted(T: pin.SE3) -> pin.SE3:
 
 def _level_parts(drawing: object, z_m: float) -> Iterator[TipPath]:
     """The strokes at their height, with the hand pointing down."""
-    given = lettering.strokes(drawing) if isinstance(drawing, str) else drawing
+    given = lettering.text_strokes(drawing) if isinstance(drawing, str) else drawing
     is_one = isinstance(given, np.ndarray) and given.ndim == 2
     if is_one or isinstance(given, (Polyline, Arc, Curve)):
         given = [given]

@@ -34,7 +34,7 @@ class Glyph(NamedTuple):
     width: float
 
 
-def strokes(
+def text_strokes(
     text: str, height_m: float = LETTER_M, *, centre: Sequence[float] = CENTRE
 ) -> tuple[FloatArray, ...]:
     """The strokes that write a text, readable from where the robot stands.
