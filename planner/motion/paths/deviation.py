@@ -16,7 +16,12 @@ from baxter_kin.fields import array, frozen, sequence
 from baxter_kin.validation import FloatArray, Indices, positive_scalar
 from planner.errors import MotionError
 from planner.motion.paths.pieces import Piece
-from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance, Turn
+from planner.motion.paths.straight_line import (
+    DEFAULT_TOLERANCE,
+    SAMPLED_SHARE,
+    LineTolerance,
+    Turn,
+)
 
 STEPS, MIN_SQUARE = 6, 1e-18
 """Number of Gauss-Newton steps to the best fraction; and the minimum of its squared slope."""
@@ -97,7 +102,9 @@ class FollowedPath:
 def deviations(
     pieces: Sequence[Piece], tolerance: LineTolerance, T_base_tips: FloatArray, numbers: Indices
 ) -> Deviations:
-    """Deviations of poses from the pieces to which they belong and from their neighbours.
+    """Deviations of poses from the pieces to which they belong, or from their neighbours.
+
+    The neighbours are tried for poses that are near the tolerance or beyond it.
 
     Args:
         pieces: in order.
@@ -108,8 +115,9 @@ def deviations(
     best = Deviations(*np.full((3, len(numbers)), np.inf))
     for beside in (0, -1, 1):
         near = numbers + beside
-        for number in np.unique(near[(near >= 0) & (near < len(pieces))]).tolist():
-            rows = np.flatnonzero(near == number)
+        is_tried = (near >= 0) & (near < len(pieces)) & (best.share > SAMPLED_SHARE)
+        for number in np.unique(near[is_tried]).tolist():
+            rows = np.flatnonzero(is_tried & (near == number))
             found = _from_piece(pieces[number], tolerance, T_base_tips[rows])
             is_better = found.share < best.share[rows]
             for kept, new in zip(best, found, strict=True):
@@ -120,7 +128,7 @@ def deviations(
 def _from_piece(piece: Piece, tolerance: LineTolerance, T_base_tips: FloatArray) -> Deviations:
     p, R = T_base_tips[:, :3, 3], T_base_tips[:, :3, :3]
     units = np.array([tolerance.position_m] * 3 + [tolerance.rotation_rad] * 3)
-    s = piece.nearest_fractions(p)
+    s = piece.nearest_positions(p, steps=0)
     for _ in range(STEPS):
         turned, slope = _turned(piece, tolerance, s, R)
         error = np.hstack([piece.positions(s) - p, turned]) / units
