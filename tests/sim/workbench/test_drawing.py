@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
 from planner import Arc, Curve, LineTolerance, Polyline, verify
@@ -21,12 +22,14 @@ from sim import (
     Workbench,
     read_recording,
     save_recording,
+    write_replay,
 )
 from sim.view.overlays import recorded_ink
 from sim.view.panel import recorded_bounds
 from sim.workbench.drawing import TOLERANCE, strokes_of
 from sim.workbench.tabletop import TABLE_Z_M
 from tests.conftest import at
+from tests.sim.conftest import watched_page
 
 HEIGHT_M = 0.06
 TRIANGLE = np.array([(0.70, 0.20), (0.76, 0.24), (0.70, 0.28), (0.70, 0.20)])
@@ -118,6 +121,31 @@ def test_the_page_shows_how_far_the_tip_is_from_its_path(
         (span,) = bounds[kind]
         assert span["limit"] == limit
         assert 0.2 * limit < span["values"].max() <= limit
+
+
+def test_a_page_draws_the_ink_as_time_passes_and_plots_the_tolerance(
+    recording: Recording, robot: Baxter, browser: Browser, tmp_path: Path
+) -> None:
+    write_replay(tmp_path / "drawn.html", recording, robot)
+    first, second = recorded_ink(recording, robot)
+    with watched_page(browser) as watched:
+        watched.page.goto((tmp_path / "drawn.html").as_uri())
+        watched.page.wait_for_function("replay.ready")
+        watched.run("openPanel(true)")
+        passed = []
+        for time_s in (0.0, float(first.times_s.mean()), float(second.times_s[-1]) + 0.01):
+            watched.run("(time) => replay.jump(time)", time_s)
+            passed.append(watched.run("lines.slice(-2).map(({behind}) => behind.drawRange.count)"))
+        assert re.search(
+            r"^Distance from the path: 0\.\d\d of 1\smm",
+            watched.run("element('bounds').textContent"),
+        )
+        assert watched.errors == []
+    whole = [24 * (len(line.times_s) - 1) for line in (first, second)]  # indices of triangles
+    assert passed[0] == [0, 0]
+    assert 0 < passed[1][0] < whole[0]
+    assert passed[1][1] == 0
+    assert passed[2] == whole
 
 
 def test_paths_of_any_kind_are_drawn_level_and_those_that_meet_are_one_stroke() -> None:
