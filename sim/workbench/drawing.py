@@ -147,7 +147,7 @@ def _along_most(
             return plan_path_move(arm, None, path, tolerance=tolerance, context=here), count
         except PathMoveError as failure:
             ends_m = [_length_m(list(_with_lifts(strokes[: k + 1]))) for k in range(count - 1)]
-            count = int(np.searchsorted(ends_m, failure.length_m))
+            count = int(np.searchsorted(ends_m, failure.length_m + SAME_M))
             if not count:
                 raise
 

@@ -153,7 +153,7 @@ def test_paths_of_any_kind_are_drawn_level_and_those_that_meet_are_one_stroke() 
     arc = Arc(at(0.76, 0.20, 0.3), centre, np.array([0.0, 0.0, -1.0]), math.pi)
     line = Polyline([at(0.64, 0.20, 0.5), at(0.64, 0.30, 0.5)])
     curve = Curve(lambda s: at(0.60 + s, 0.10 + 0.5 * s * s, 0.2), 0.05)
-    strokes = strokes_of([arc, line, curve], 0.1)
+    strokes = strokes_of((arc, line, curve), 0.1)
     assert [len(stroke) for stroke in strokes] == [2, 1]
     for stroke in strokes:
         for part in stroke:
@@ -174,7 +174,7 @@ def test_paths_of_any_kind_are_drawn_level_and_those_that_meet_are_one_stroke() 
         ([TRIANGLE, "text"], {}, SimulationError),
         (TRIANGLE * np.nan, {}, SimulationError),
         (np.tile(TRIANGLE[0], (3, 1)), {}, MotionError),
-        (Arc(at(0.7, 0.2, 0), [0.6, 0.2, 0], [0, 1, 0], 1.0), {}, SimulationError),
+        (Arc(at(0.7, 0.2, 0), np.array([0.6, 0.2, 0]), np.eye(3)[1], 1.0), {}, SimulationError),
         (TRIANGLE, {"height_m": 0.0}, SimulationError),
         (TRIANGLE, {"tolerance": 1e-3}, MotionError),
         (TRIANGLE, {"arm": "third"}, ValueError),
@@ -205,6 +205,18 @@ def test_what_cannot_be_drawn_is_a_result_with_the_reason(
     assert task.verdict.startswith("refused: ")
     assert re.search(why, task.verdict), task.verdict
     np.testing.assert_array_equal(bench.world.q, before)
+
+
+def test_the_arm_moves_freely_to_a_stroke_to_which_the_pen_cannot_be_led(robot: Baxter) -> None:
+    bench = Workbench(robot)
+    bench.add_obstacle("wall", 0.66, 0.12, size_m=(0.20, 0.01, 0.10))
+    task = bench.draw([DASH, DASH - np.array([0.0, 0.24])], arm="left")
+    assert task.is_done, task
+    assert task.plan is not None
+    assert [move.path is None for move in task.plan.moves] == [True, False, True, False]
+    before, after = recorded_ink(bench.recording(), robot)
+    assert farthest_m(before.points_base[:, :2], DASH) <= 1.2 * TOLERANCE.position_m
+    assert after.points_base[:, 1].max() < 0.03
 
 
 @pytest.mark.slow
