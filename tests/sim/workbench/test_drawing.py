@@ -221,7 +221,7 @@ def test_the_arm_moves_freely_to_a_stroke_to_which_the_pen_cannot_be_led(robot: 
 
 @pytest.mark.slow
 def test_a_word_is_one_motion_faster_than_with_stops(robot: Baxter) -> None:
-    """Letters of 6 cm to 1 mm and 0.5 deg; with a stop at each corner they take 25 s."""
+    """Letters of 6 cm to 1 mm and 0.5 deg; with a stop at each corner they take 33 s."""
     pytest.importorskip("HersheyFonts", reason="Hershey-Fonts is not installed")
     bench = Workbench(robot)
     task = bench.draw("BAXTER")
