@@ -19,8 +19,8 @@ task = bench.draw("BAXTER")
 print(task)
 
 # %%
-# The plan states the path and the tolerance, 1 mm and 0.5 deg; they are proven at every instant. With a
-# stop at each corner, the same letters take 33 s.
+# The plan states the path and the tolerance, 1 mm and 0.5 deg; they are proven at every instant.
+# With a stop at each corner, the same letters take 33 s.
 
 move = task.plan.moves[-1]
 print(f"{move.path.length_m:.2f} m in {move.trajectory.duration:.1f} s")
