@@ -21,6 +21,7 @@ LONG = (
     "follow_a_path",
     "into_a_shelf",
     "two_arms",
+    "draw",
     "keep_it_upright",
     "proofs",
     "record_and_replay",
