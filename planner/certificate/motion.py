@@ -224,13 +224,22 @@ class Polynomials:
         moves them by n d `reach_m`. Their velocities change by n s `reach_m`, and by
         n^2 d V `reach_m` as the joints before turn too. `peaks` counts jumps of velocity at kinks.
         """
+        return self._slack_m(reach_m, len(self.derivatives), self.duration_s)
+
+    def slack_in_cells_m(self, reach_m: float, starts_s: Array, ends_s: Array) -> float:
+        """The same for bounds in cells, in each of which only its own knots count."""
+        first, last = (np.searchsorted(self.t, each, side="right") for each in (starts_s, ends_s))
+        knots, longest_s = (last - first).max(initial=0), (ends_s - starts_s).max(initial=0.0)
+        return self._slack_m(reach_m, int(knots), float(longest_s))
+
+    def _slack_m(self, reach_m: float, knots: int, time_s: float) -> float:
         if not len(self.derivatives):
             return 0.0
         d, s = self.jumps[0], self._rounding
         fastest = float(self.v_peak.max())
         joints = float(self.derivatives.shape[2])
         slope = joints * s + joints**2 * fastest * d
-        return 2.1 * len(self.derivatives) * reach_m * (joints * d + self.duration_s * slope)
+        return 2.1 * knots * reach_m * (joints * d + time_s * slope)
 
     def require_limits(self, *bounds: tuple[Array, Array] | None) -> None:
         """Refuse a motion that exceeds a limit.

@@ -352,15 +352,16 @@ def _require_speed(
     lever = float(norm_bound(robot.tip.p.magnitude))
     times_s = np.linspace(0.0, motion.duration_s, SPEED_CELLS + 1)
     starts, ends = times_s[:-1], times_s[1:]
+    reach_m = float(robot.offsets.sum()) + 1.0
     for _ in range(MAX_HALVINGS):
         v, a, _ = motion.peaks(starts, ends)  # plans have no kinks
         _, of_tip = carried(v, a, np.full(len(starts), lever), robot.offsets)
         (p, error_p), (q, error_q) = (
             robot.tips(motion.at(each)).p.centred() for each in (starts, ends)
         )
-        h = ends - starts
+        h, slack_m = ends - starts, motion.slack_in_cells_m(reach_m, starts, ends)
         mean = norm_bound(q - p) / h
-        error = (0.5 * of_tip * h + 2.0 * (error_p + error_q) / h) * (1.0 + 1e-9)
+        error = (0.5 * of_tip * h + (2.0 * (error_p + error_q) + slack_m) / h) * (1.0 + 1e-9)
         may_be_slower = np.zeros(len(starts), np.bool_)
         for first, last in slower_s:
             may_be_slower |= (starts >= first) & (ends <= last)

@@ -92,6 +92,6 @@ def chord_errors(robot: Robot, motion: Polynomials, times_s: Array) -> tuple[flo
     lever = np.full(len(starts), float(norm_bound(robot.tip.p.magnitude)))
     _, of_tip = carried(v, a, lever, robot.offsets)
     _, of_unit = carried(v, a, np.ones(len(starts)), np.zeros(ARM_JOINTS))
-    slack = motion.slack_m(float(robot.offsets.sum()) + 1.0)
+    slack = motion.slack_in_cells_m(float(robot.offsets.sum()) + 1.0, starts, ends)
     bend_m = float((of_tip * eighth).max()) + slack
     return bend_m, 1.7321 * (float((of_unit * eighth).max()) + slack)

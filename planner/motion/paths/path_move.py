@@ -116,6 +116,8 @@ def plan_path_move(
     task = PathTask(pieces, tolerance, stop_at_corners, speed_m_s, context)
     motions = Windows(arm, limits, task, chain).motions()
     if len(motions) < len(pieces):
+        motions = Windows(arm, limits, task, chain, is_anchored=True).motions()
+    if len(motions) < len(pieces):
         raise _at_waypoint(pieces, len(motions), "no motion onwards is found")
     trajectory = joined(motions)
     times = np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration / SAMPLE_S))

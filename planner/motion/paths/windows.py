@@ -54,6 +54,9 @@ SMOOTHING = 100.0
 """Weight of squared third differences of the controls where the tip has a set speed. Without it,
 the arm uses what freedom it has in ways that change from interval to interval."""
 
+ANCHOR_RAD = 0.3
+"""Maximum distance of a joint from the chain at the end of a window that is anchored."""
+
 MAX_SPEED, DIFFERENCE_S = 1.01, 1e-5
 """Maximum speed of the tip at samples, relative to the set speed; and the time over which it is
 measured."""
@@ -87,7 +90,26 @@ class PathTask(NamedTuple):
 class Windows:
     """The windows of one path."""
 
-    def __init__(self, arm: Arm, limits: JointLimits, task: PathTask, chain: Chain) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        limits: JointLimits,
+        task: PathTask,
+        chain: Chain,
+        *,
+        is_anchored: bool = False,
+    ) -> None:
+        """Prepare the windows.
+
+        Args:
+            arm: the arm that moves.
+            limits: its limits.
+            task: what is asked.
+            chain: configurations along the path.
+            is_anchored: whether each window ends near the chain, from where the path is known to go
+                on; otherwise a motion may lead to where it does not.
+        """
+        self._is_anchored = is_anchored
         self._arm, self._limits, self._task, self._chain = arm, limits, task, chain
         self._knots = knot_tolerance(task.tolerance)
         corners = corners_of(task.pieces)
@@ -194,6 +216,7 @@ class Windows:
             start_rates=(found[-1].v[-1], found[-1].a[-1]) if is_moving else None,
             speed_m_s=1.0 if speed_m_s is None else speed_m_s,
             axis=tolerance.free_about if tolerance.turn is Turn.ABOUT_AXIS else "z",
+            near=(self._chain.qs[end], ANCHOR_RAD) if self._is_anchored else None,
         )
         program = _program(
             phases, len(self._limits.names), tolerance.turn, has_speed=speed_m_s is not None

@@ -195,7 +195,7 @@ class MotionProgram:
             unit_s: the unit of all times.
             clearances: distances to keep.
         """
-        low, high = self._bounds(track.limits)
+        low, high = self._bounds(track.task, track.limits)
         numbers = numbers_of(track.task, track.arm, track.limits, unit_s)
         x0 = self._start(guess, track.task, track.arm, unit_s).clip(low, high)
         bounds = {"lbx": low, "ubx": high, "lbg": self._low, "ubg": self._high}
@@ -234,7 +234,7 @@ class MotionProgram:
             "ubg": np.concatenate([inputs["ubg"], np.full(len(rows.low), np.inf)]),
         }
 
-    def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+    def _bounds(self, task: MotionTask, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
         """Bounds of the unknowns: if the controls are within the limits, the motion is."""
         unknowns = self.unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
@@ -246,6 +246,11 @@ class MotionProgram:
         for phase, fractions in zip(self.phases, unknowns.fractions, strict=True):
             if fractions is not None:
                 low[fractions[[0, -1]]] = high[fractions[[0, -1]]] = phase.ends
+        if task.near is not None:
+            q, most_rad = task.near
+            last = unknowns.controls[-1][-1]
+            low[last] = np.maximum(low[last], q - most_rad)
+            high[last] = np.minimum(high[last], q + most_rad)
         return low, high
 
     def _start(

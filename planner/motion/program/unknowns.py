@@ -184,6 +184,8 @@ class MotionTask:
         axis: of the tip, about which its rotation is free in programs that leave one free.
         tilt: of the phases that keep upright: the axis that does, a unit vector seen from the tip,
             and 1 - cos of its maximum tilt.
+        near: a configuration, shape (7,), rad, and the maximum distance of each joint from it at
+            the end, where the arm rests; None for any end.
     """
 
     q_start: FloatArray
@@ -196,6 +198,7 @@ class MotionTask:
     speed_m_s: float = 1.0
     axis: str = "z"
     tilt: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    near: tuple[FloatArray, float] | None = None
 
 
 def piece_numbers(piece: Piece, arm: Arm, axis: str = "z") -> FloatArray:
