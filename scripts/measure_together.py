@@ -120,15 +120,19 @@ def problems(
 
 
 def contradictions(plan: TwoArmPlan, problem: Problem) -> tuple[int, int]:
-    """Samples at which both arms are nearer than proven, and the number of samples."""
+    """Samples at which both arms are nearer than proven, and the number of samples.
+
+    None are taken where less than `BODY_M` is proven, as they would say nothing.
+    """
     across, motion, found, count = problem.across(plan.plans), plan.trajectory, 0, 0
+    if plan.proof is None or plan.proof.proven_m < BODY_M:
+        return 0, 0
     for window in windows_of(plan, across.episodes):
         context = across.context(window.episodes)
-        assert plan.proof is not None
         near = CollisionContext(
             context.checker,
             context.q_others,
-            margin_m=min(max(plan.proof.proven_m - BODY_M, 0.0), MAX_CHECKED_M),
+            margin_m=min(plan.proof.proven_m - BODY_M, MAX_CHECKED_M),
         )
         times = np.arange(window.begin_s, window.end_s, STEP_S)
         found += sum(not near.is_free(q) for q in motion.sample(times).q)
