@@ -1,4 +1,4 @@
-"""CollisionContext: one arm in one situation, with the free configurations and clear motions there.
+"""CollisionContext: one arm in one situation, or both, and what is free and clear there.
 
 A search for a path tests some thousand configurations, so `is_free` gives a mere yes or no:
 Pinocchio moves coal's shapes, a tree of their bounding boxes (broad phase) leaves few pairs to
@@ -41,14 +41,14 @@ NEAR_RAD = 100.0
 
 
 class CollisionContext(OneLine):
-    """One arm in one situation, and the distance that it keeps.
+    """One arm in one situation, or both arms, and the distance that they keep.
 
     The checker defines the pairs of shapes, the intended contacts and their allowed depths; a
     configuration is free exactly where all other pairs are farther apart than the margin. Not to be
     shared between threads.
 
     Attributes:
-        checker: of the arm that moves, in the situation.
+        checker: of the arms that move, in the situation.
         margin_m: distance that everything keeps, intended contacts excluded.
     """
 
@@ -76,6 +76,10 @@ class CollisionContext(OneLine):
     def joints(self) -> int:
         """Number of joints that move, J."""
         return len(self._where)
+
+    def alone(self, side: str) -> CollisionContext:
+        """The context of one of two arms, as if the robot did not have the other."""
+        return CollisionContext(self.checker.alone(side), self._q_full, margin_m=self.margin_m)
 
     @property
     def q_others(self) -> FloatArray:
