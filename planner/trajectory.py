@@ -6,7 +6,7 @@ polynomials and their extrema are known in closed form; nothing here is sampled 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +15,24 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.display import count, line, quoted, seconds, side_of
 from baxter_kin.fields import array, frozen, shown
-from baxter_kin.validation import FloatArray, Indices, expect, expect_all, finite_array, float_array
+from baxter_kin.validation import (
+    FloatArray,
+    Indices,
+    expect,
+    expect_all,
+    finite_array,
+    finite_scalar,
+    float_array,
+)
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
 """Maximum jump of q, v or a at a knot, in rad, rad/s, rad/s^2, due to rounding."""
+
+
+SAME_KNOT_S = 1e-11
+"""Maximum difference of two knots of different motions that are at the same time, due to rounding.
+In this time, an acceleration changes by less than `CONTINUITY_TOLERANCE`."""
 
 
 class JointState(NamedTuple):
@@ -79,16 +92,19 @@ class Trajectory:
         self._check_continuity()
 
     @classmethod
-    def stay(cls, q: ArrayLike, limits: JointLimits) -> Trajectory:
-        """The motion of zero duration at `q`, shape (n,), rad.
+    def stay(cls, q: ArrayLike, limits: JointLimits, duration_s: float = 0.0) -> Trajectory:
+        """The rest at `q`, shape (n,), rad, for a duration, which may be zero.
 
         Raises:
-            TrajectoryError: when `q` has another shape or is not finite.
+            TrajectoryError: when `q` has another shape or is not finite, or the duration is not a
+                number, or negative.
         """
         joints = len(expect(limits, JointLimits, "limits", TrajectoryError).names)
-        at = finite_array(q, (joints,), "q", TrajectoryError)[None]
-        none = np.zeros((0, joints))
-        return cls(limits, np.zeros(1), at, np.zeros_like(at), np.zeros_like(at), none)
+        at = finite_array(q, (joints,), "q", TrajectoryError)
+        time_s = finite_scalar(duration_s, "duration_s", TrajectoryError, least=0.0)
+        knots = np.unique([0.0, time_s])
+        still = np.zeros((len(knots), joints))
+        return cls(limits, knots, still + at, still, still, still[1:])
 
     @property
     def duration(self) -> float:
@@ -129,6 +145,12 @@ class Trajectory:
         return JointState(
             *(np.where(over, last, x) for last, x in zip(self._rest(), state, strict=True))
         )
+
+    def jerks_at(self, times_s: FloatArray) -> FloatArray:
+        """Jerks at times inside segments, shape (m,): (m, n), rad/s^3; zero after the end."""
+        jerks = np.concatenate([self.j, np.zeros((1, self.j.shape[1]))])
+        found: FloatArray = jerks[np.searchsorted(self.knots_s, times_s, side="right") - 1]
+        return found
 
     def reversed(self) -> Trajectory:
         """The same path in reverse, within the same limits."""
@@ -259,3 +281,30 @@ def joined(trajectories: Iterable[Trajectory]) -> Trajectory:
     )
     j = np.concatenate([part.j for part in parts])
     return Trajectory(parts[0].limits, np.concatenate([*knots, starts[-1:]]), q, v, a, j)
+
+
+def side_by_side(trajectories: Sequence[Trajectory]) -> Trajectory:
+    """Motions of different joints that begin together, as one motion of all joints.
+
+    Args:
+        trajectories: at least one; each ends at rest, and stays there until the last one ends.
+    """
+    end_s = max(each.duration for each in trajectories)
+    knots = np.unique(np.concatenate([each.knots_s for each in trajectories]))
+    is_new = np.append(np.diff(knots) > SAME_KNOT_S, True)
+    knots = knots[is_new] if end_s > 0.0 else knots[-1:]
+    knots[0] = 0.0
+    states = [each.sample(knots) for each in trajectories]
+    jerks = [each.jerks_at((knots[:-1] + knots[1:]) / 2) for each in trajectories]
+    q, v, a = (np.concatenate([state[i] for state in states], axis=1) for i in range(3))
+    limits = JointLimits.side_by_side([each.limits for each in trajectories])
+    return Trajectory(limits, knots, q, v, a, np.concatenate(jerks, axis=1))
+
+
+def between(trajectory: Trajectory, begin_s: float, end_s: float) -> Trajectory:
+    """The part of a motion between two times, the first one before the second."""
+    knots = trajectory.knots_s
+    inner = knots[(knots > begin_s + SAME_KNOT_S) & (knots < end_s - SAME_KNOT_S)]
+    times = np.concatenate([[begin_s], inner, [end_s]])
+    jerks = trajectory.jerks_at((times[:-1] + times[1:]) / 2)
+    return Trajectory(trajectory.limits, times - begin_s, *trajectory.sample(times), jerks)

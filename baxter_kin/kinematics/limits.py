@@ -158,6 +158,25 @@ class JointLimits:
                 raise LimitsError(f"{what} has shape ({given},); it must have shape ({number},)")
         self._check_ranges()
 
+    @classmethod
+    def side_by_side(cls, each: Sequence[JointLimits]) -> JointLimits:
+        """The limits of several groups of joints in a row, with the origins of the first group's.
+
+        Args:
+            each: those of every group, at least one.
+        """
+        names = tuple(name for limits in each for name in limits.names)
+        q_min, q_max, v_max, a_max, j_max = (
+            np.concatenate([getattr(limits, what) for limits in each])
+            for what in ("q_min", "q_max", "v_max", "a_max", "j_max")
+        )
+        return cls(names, q_min, q_max, v_max, a_max, j_max, each[0].origins)
+
+    def part(self, joints: slice) -> JointLimits:
+        """The limits of some of the joints."""
+        arrays = (self.q_min, self.q_max, self.v_max, self.a_max, self.j_max)
+        return JointLimits(self.names[joints], *(each[joints] for each in arrays), self.origins)
+
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.
 

@@ -147,23 +147,37 @@ class ClearanceChecker(OneLine):
         """The arms that move, as the robot of the shapes has them, with which they move."""
         return Mover.of(*(self.shapes.robot.arm(arm.side) for arm in self.arms))
 
-    def alone(self, side: str) -> ClearanceChecker:
+    def alone(self, side: str, q_other: FloatArray | None = None) -> ClearanceChecker:
         """The checker of one of two arms, as if the robot did not have the other.
 
-        What the other hand holds is left out, too.
+        What the other hand holds is left out, too. Or, where `q_other` is given, the other arm
+        stands there with what it holds.
+
+        Args:
+            side: of the arm that moves.
+            q_other: configuration of the other arm, shape (7,), rad.
 
         Raises:
-            SceneError: when the arm does not move, or the other hand holds the same body.
+            SceneError: when both hands hold the same body.
         """
         own = [each for each in self._held if each.side == side]
         others, scene = [each for each in self._held if each.side != side], self._scene
+        (other,) = (arm for arm in self.arms if arm.side != side)
         for each in others:
             if any(each.body == mine.body for mine in own):
                 raise SceneError(f"both hands hold {each.body!r}: no arm can move alone")
-            scene = scene.without(each.body)
-        (other,) = (arm for arm in self.arms if arm.side != side)
+            if q_other is None:
+                scene = scene.without(each.body)
+            else:
+                T_base_link = other.with_tip(each.link).T_base_tip(q_other)
+                scene = scene.moved(each.body, T_base_link * each.T_link_body)
         return ClearanceChecker(
-            self.shapes, self._arm(side), scene, held=own, supports=self._supports, without=other
+            self.shapes,
+            self._arm(side),
+            scene,
+            held=own,
+            supports=self._supports,
+            without=other if q_other is None else None,
         )
 
     def _arm(self, side: str) -> Arm:
@@ -233,6 +247,17 @@ class ClearanceChecker(OneLine):
                 f"a joint is at {np.abs(full).max():g}; at most {MAX_JOINT:g} can be measured"
             )
         return full
+
+    @property
+    def is_between_arms(self) -> NDArray[np.bool_]:
+        """Whether a pair is one of shapes that different arms move, shape (n,)."""
+        moves = self.motion_bounds.moves[self.pairs]  # n, 2, joints
+        by_arm = [part.any(axis=2) for part in np.split(moves, len(self.arms), axis=2)]
+        first, second = np.array(by_arm).transpose(2, 0, 1)  # arms, n
+        apart: NDArray[np.bool_] = (
+            first.any(axis=0) & second.any(axis=0) & ~(first & second).any(axis=0)
+        )
+        return apart
 
     @property
     def pairs(self) -> Indices:

@@ -77,9 +77,14 @@ class CollisionContext(OneLine):
         """Number of joints that move, J."""
         return len(self._where)
 
-    def alone(self, side: str) -> CollisionContext:
-        """The context of one of two arms, as if the robot did not have the other."""
-        return CollisionContext(self.checker.alone(side), self._q_full, margin_m=self.margin_m)
+    def alone(self, side: str, q_other: FloatArray | None = None) -> CollisionContext:
+        """The context of one of two arms, as of `ClearanceChecker.alone`."""
+        q_full = self._q_full.copy()
+        if q_other is not None:
+            is_other = [not name.startswith(side) for name in self.checker.mover.joint_names]
+            q_full[self._where[is_other]] = q_other
+        checker = self.checker.alone(side, q_other)
+        return CollisionContext(checker, q_full, margin_m=self.margin_m)
 
     @property
     def q_others(self) -> FloatArray:
@@ -116,13 +121,17 @@ class CollisionContext(OneLine):
         is_candidate = looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
         return is_candidate and self.prove(trajectory).is_clear
 
-    def with_margin(self, margin_m: float, *ends: ArrayLike) -> CollisionContext:
+    def with_margin(
+        self, margin_m: float, *ends: ArrayLike, only_between_arms: bool = False
+    ) -> CollisionContext:
         """The same context with another margin.
 
         Args:
             margin_m: distance to keep, not negative.
             ends: free configurations, each of shape (7,), rad, that remain free: two shapes nearer
                 there than the margin keep `KEPT_SHARE` of that distance instead.
+            only_between_arms: whether `is_free` tests nothing but one arm against the other, each
+                with what it holds.
 
         Raises:
             MotionError: when the margin is not a number, or negative.
@@ -130,8 +139,13 @@ class CollisionContext(OneLine):
         """
         other = CollisionContext(self.checker, self._q_full, margin_m=margin_m)
         full_ends = [self._full(q).copy() for q in ends]
+        left_out: list[int] = []
+        if only_between_arms:
+            left_out = np.flatnonzero(~self.checker.is_between_arms).tolist()
+            other._touches = Touches(self.checker, margin_m, left_out=left_out)
         if any(other._touches(end) for end in full_ends):
-            other._touches = Touches(self.checker, margin_m, self._nearest(full_ends, margin_m))
+            nearest_m = self._nearest(full_ends, margin_m)
+            other._touches = Touches(self.checker, margin_m, nearest_m, left_out)
         return other
 
     def obstacles(self, margin_m: float, resting: ArrayLike) -> Obstacles:

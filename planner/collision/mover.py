@@ -54,13 +54,7 @@ class Mover:
     @property
     def limits(self) -> JointLimits:
         """The limits of all joints, with the origins of the first arm's."""
-        each = [arm.limits for arm in self.arms]
-        q_min, q_max, v_max, a_max, j_max = (
-            np.concatenate([getattr(limits, name) for limits in each])
-            for name in ("q_min", "q_max", "v_max", "a_max", "j_max")
-        )
-        origins = each[0].origins
-        return JointLimits(self.joint_names, q_min, q_max, v_max, a_max, j_max, origins)
+        return JointLimits.side_by_side([arm.limits for arm in self.arms])
 
 
 class Walk(NamedTuple):
