@@ -18,6 +18,7 @@ import argparse
 import json
 import time
 from collections.abc import Iterator, Mapping
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,13 +26,28 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin import Baxter, pose_from_quaternion
+from baxter_kin import Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.description.hands import ElectricGripper
-from planner import Body, Box, Cylinder, Manipulator, Part, Scene, Sphere, State, plan_free_move
+from baxter_kin.ik import sample_solutions
+from planner import (
+    Attachment,
+    Body,
+    Box,
+    Cylinder,
+    Manipulator,
+    Part,
+    Scene,
+    Sphere,
+    State,
+    Trajectory,
+    load_object,
+    plan_free_move,
+)
 from planner.errors import MotionError
 from planner.motion import free_search, rrt
 from planner.motion.joint_move import plan_joint_move
 from planner.two_arms.context import context_of_both, limits_of_both
+from planner.two_arms.pair_move import plan_pair_move
 
 Found = dict[str, Any]
 
@@ -123,8 +139,87 @@ def body_of(obstacle: Mapping[str, Any]) -> Body:
 
 
 def trays(given: argparse.Namespace) -> Iterator[Found]:
-    """Move random trays."""
-    raise NotImplementedError
+    """Move random trays up, sideways and forward, each any way and on a straight line."""
+    robot = Baxter.load()
+    arms = {side: Manipulator.of(robot, side) for side in ("left", "right")}
+    limits, rng = limits_of_both(arms), np.random.default_rng(given.seed)
+    table = load_object("table", pose_from_quaternion((1.0, 0.0, -0.93), (0, 0, 0, 1)))
+    ways = {"up": (0.0, 0.0, 1.0), "sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
+    for number in range(given.count):
+        name = list(ways)[number % len(ways)]
+        T_start, state = None, None
+        while state is None:
+            T_start, state = random_start(arms, table, limits, rng)
+        way = rng.uniform(0.1, 0.3) * np.array(ways[name])
+        if name == "sideways" and T_start.translation[1] > 0.0:
+            way = -way
+        T_goal = pin.SE3(T_start.rotation, T_start.translation + way)
+        for is_straight in (False, True):
+            found: Found = {"way": name, "number": number, "is_straight": is_straight}
+            found["length_m"] = float(np.linalg.norm(way))
+            started = time.process_time()
+            try:
+                move = plan_pair_move(arms, state, T_goal, is_straight=is_straight)
+            except MotionError as cause:
+                found["failure"] = str(cause)
+            found["cpu_s"] = time.process_time() - started
+            if "failure" not in found:
+                ends = plan_joint_move(*move.trajectory.q[[0, -1]], limits)
+                found |= {"duration_s": move.duration_s, "bound_s": ends.duration}
+                found |= {"proven_um": 1e6 * move.deviation.position_m}
+                found |= {"proven_deg": float(np.degrees(move.deviation.rotation_rad))}
+                off_um, off_deg = sampled_deviation(arms, move.trajectory, rng)
+                found |= {"sampled_um": off_um, "sampled_deg": off_deg}
+                found |= {"clear_mm": 1e3 * move.proof.proven_m}
+            yield found
+
+
+def random_start(
+    arms: Mapping[str, Manipulator], table: Body, limits: JointLimits, rng: np.random.Generator
+) -> tuple[pin.SE3, State | None]:
+    """A random tray in both hands, which point at each other; None where both cannot hold it."""
+    half_m = rng.uniform(0.15, 0.3)
+    x, y, z = rng.uniform((0.45, -0.15, -0.05), (0.75, 0.15, 0.3))
+    T = pin.SE3(pin.utils.rotate("z", rng.uniform(-0.3, 0.3)), np.array([x, y, z]))
+    R_left = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    R_right = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    T_body_tips = [
+        pin.SE3(R, np.array([0.0, sign * half_m, 0.0])) for R, sign in ((R_left, 1), (R_right, -1))
+    ]
+    sizes = (rng.uniform(0.1, 0.3), 2.0 * half_m + 0.06, 0.02)
+    tray = Body("tray", (Part(Box(sizes), pin.SE3.Identity()),), T)
+    tips = [arms[side].arm.tip_frame for side in ("left", "right")]
+    held = [
+        Attachment("tray", tip, T_body_tip.inverse())
+        for tip, T_body_tip in zip(tips, T_body_tips, strict=True)
+    ]
+    state = State.of(arms["left"], Scene.of([table, tray]), held)
+    context, middle = context_of_both(arms, state), (limits.q_min + limits.q_max) / 2.0
+    solutions = []
+    for side, T_body_tip, q in zip(
+        ("left", "right"), T_body_tips, np.split(middle, 2), strict=True
+    ):
+        found = sample_solutions(IKService(arms[side].arm), T * T_body_tip)
+        solutions.append(found[np.argsort(np.abs(found - q).max(axis=1))][:20])
+    for left, right in product(*solutions):
+        q = np.concatenate([left, right])
+        if context.is_free(q):
+            joints = dict(zip(limits.names, q.tolist(), strict=True))
+            return T, state.moved(arms["left"].robot, joints)
+    return T, None
+
+
+def sampled_deviation(
+    arms: Mapping[str, Manipulator], motion: Trajectory, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Maximum deviation of the relative pose at 2,000 random instants, by Pinocchio: um and deg."""
+    left, right = (arms[side].arm for side in ("left", "right"))
+    times = np.append(0.0, rng.uniform(0.0, motion.duration, 2000))
+    T = [left.T_base_tip(q[:7]).actInv(right.T_base_tip(q[7:])) for q in motion.sample(times).q]
+    errors = [T[0].actInv(each) for each in T]
+    off_m = max(float(np.linalg.norm(each.translation)) for each in errors)
+    off_rad = max(float(np.linalg.norm(pin.log3(each.rotation))) for each in errors)
+    return 1e6 * off_m, float(np.degrees(off_rad))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
@@ -41,6 +42,7 @@ from planner.motion.program.rows import (
 )
 from planner.motion.program.tip_rows import (
     height_rows,
+    holding_rows,
     path_rows,
     speed_rows,
     tilt_rows,
@@ -147,6 +149,7 @@ class MotionProgram:
             height_rows(*given),
             tilt_rows(*given),
             tip_speed_rows(*given) if bounds_speed else None,
+            holding_rows(*given),
         ]
         rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
@@ -260,7 +263,10 @@ class MotionProgram:
                 values[controls[is_unknown]] = np.broadcast_to(bounds, controls.shape)[is_unknown]
         for phase, fractions in zip(self.phases, unknowns.fractions, strict=True):
             if fractions is not None:
-                low[fractions[[0, -1]]] = high[fractions[[0, -1]]] = phase.ends
+                first, last = phase.ends
+                low[fractions[0]] = high[fractions[0]] = first
+                given = fractions if phase.only_ends else fractions[-1]
+                low[given] = high[given] = last
         return low, high
 
     def _start(
@@ -276,8 +282,10 @@ class MotionProgram:
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.piece is not None and arm is not None:
-                piece = task.pieces[phase.piece]
-                x[fractions] = [piece.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
+                piece, joints = task.pieces[phase.piece], len(arm.joint_names)
+                frame = pin.SE3.Identity() if task.T_tip_frame is None else task.T_tip_frame
+                poses = (arm.T_base_tip(q[:joints]) * frame for q in sketch.q)
+                x[fractions] = [piece.nearest_fraction(pose) for pose in poses]
         return x
 
     def _motions(
