@@ -22,7 +22,7 @@ from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
 from planner.errors import FreeMoveError, MotionError, StraightMoveError
-from planner.motion.free_search import INTERVALS, STRIDE, IsClear, Search, program, through
+from planner.motion.free_search import INTERVALS, IsClear, Search, program, through
 from planner.motion.joint_move import (
     ROUNDING_RAD,
     checked_start,
@@ -47,8 +47,9 @@ TIMEOUT_S = 5.0
 BETWEEN = (0.25, 0.5, 0.75)
 """Fractions of the tip's line at which an upright motion is guessed through sampled solutions."""
 
-RISES_M = (0.1, 0.2, 0.3, 0.4)
-"""Heights above start and goal over which an upright motion is tried."""
+RISES_M, STRIDE = (0.1, 0.2, 0.3, 0.4), 0.05
+"""Heights above start and goal over which an upright motion is tried; and the minimum step on the
+way up, as a fraction of it."""
 
 
 def plan_free_move(

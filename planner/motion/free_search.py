@@ -57,8 +57,18 @@ MAX_FASTER_SEARCHES, POOR = 2, 2.0
 """Maximum number of searches for a faster motion, once one is proven clear that takes at most this
 multiple of a lower bound."""
 
-STRIDE = 0.05
-"""Minimum step on a line of the tip, as a fraction of it."""
+GOOD_ENOUGH_OF_TWO = 1.1
+"""The same for one of two arms; the other one's motion may take longer anyway."""
+
+SLOW = 1.3
+"""Multiple of the slower arm's own time beyond which both are also led around each other from the
+start, which seldom helps."""
+
+TOUCHING_M = 0.01
+"""Distance by which hulls along a clear path fall short, because they are not the shapes."""
+
+RETREAT_STRIDE = 0.01
+"""Minimum step of a retreat, as a fraction of its line."""
 
 CONFINED_M = 0.02
 """An end that is nearer to something is left along lines before a path is searched: a search hardly
@@ -94,6 +104,7 @@ class Search:
         rng: source of random numbers.
         timeout_s: maximum duration of all searches for paths.
         enough_s: no faster motion is needed; at least the duration of the straight line.
+        good_enough: no other path is searched for a motion that takes at most this multiple.
     """
 
     straight: Trajectory
@@ -104,6 +115,7 @@ class Search:
     rng: np.random.Generator
     timeout_s: float
     enough_s: float
+    good_enough: float = GOOD_ENOUGH
 
     def fastest(self) -> Trajectory:
         """The fastest motion found.
@@ -137,7 +149,9 @@ class Search:
             if corners is None:
                 break
             ways += 1
-            best = _faster(best, self._along(obstacles, through(corners, self.limits)))
+            best = _faster(
+                best, self._along(obstacles, through(corners, self.limits), led_around, led_along)
+            )
             if best is None:
                 stopping = stopping_at(corners, self.limits)
                 best = stopping if self.is_clear(stopping) else None
@@ -165,14 +179,19 @@ class Search:
             return at_once
         obstacles = self.context.obstacles(self.margin_m, self.straight.q[[0, -1]])
         together = replace(self, enough_s=at_once.duration)
-        best = together._led(obstacles, Sketch.of(at_once, INTERVALS))
-        if best is not None and together._is_enough(best):
-            return best
-        best = _faster(best, together._passing(obstacles, own))
-        for first in range(len(own)):
-            if best is None:
+        best = together._passing(obstacles, own)
+        if best is None:
+            for searches in sorted(map(together._in_turn, range(len(own))), key=_blocked(own)):
                 with suppress(FreeMoveError):
-                    best = together._passing(obstacles, self._in_turn(own, first))
+                    around = [
+                        motion if search.is_clear(motion) else search._straight_or_around()
+                        for motion, search in zip(own, searches, strict=True)
+                    ]
+                    best = together._passing(obstacles, around)
+                    if best is not None:
+                        break
+        if best is None or best.duration > SLOW * together.enough_s:
+            best = _faster(best, together._led(obstacles, Sketch.of(at_once, INTERVALS)))
         if best is None:
             raise FreeMoveError(
                 "each arm has a way of its own, but no motion was found in which both pass each "
@@ -184,7 +203,7 @@ class Search:
         """The fastest motion found near both arms' motions that lets them pass each other."""
         passing = Passing.of(own, self.context, self.margin_m)
         guess = passing.guess(INTERVALS)
-        best = None if guess is None else self._along(obstacles, guess)
+        best = None if guess is None else self._along(obstacles, guess, led_around, led_along)
         for delays_s in passing.delays_s():
             delayed = side_by_side([_later(*each) for each in zip(own, delays_s, strict=True)])
             if best is not None and delayed.duration >= best.duration:
@@ -212,19 +231,13 @@ class Search:
             enough_s = max(enough_s, found[side].duration)
         return [found[side] for side in searches]
 
-    def _in_turn(self, own: Sequence[Trajectory], first: int) -> list[Trajectory]:
-        """Motions one after the other: each arm's own one, or around the other where that stands.
-
-        Raises:
-            FreeMoveError: when one is not found.
-        """
-        found = list(own)
+    def _in_turn(self, first: int) -> list[Search]:
+        """The searches of motions one after the other, in which the other arm stands."""
+        found = []
         for number, arm in enumerate(self.context.checker.arms):
-            other = own[1 - number]
-            q_other = other.q_start if number == first else other.q_goal
+            q_other = np.split(self.straight.q[0 if number == first else -1], 2)[1 - number]
             search = self._of_arm(number, self.context.alone(arm.side, q_other))
-            if not search.is_clear(own[number]):
-                found[number] = search._straight_or_around()
+            found.append(replace(search, enough_s=max(search.enough_s, self.enough_s)))
         return found
 
     def _of_arm(self, number: int, context: CollisionContext) -> Search:
@@ -233,7 +246,7 @@ class Search:
         limits = self.limits.part(joints)
         straight = plan_joint_move(*self.straight.q[[0, -1], joints], limits)
         given = straight, limits, context, context.is_clear, self.margin_m, self.rng
-        return Search(*given, self.timeout_s, straight.duration)
+        return Search(*given, self.timeout_s, straight.duration, GOOD_ENOUGH_OF_TWO)
 
     def _straight_or_around(self) -> Trajectory:
         straight = self.straight
@@ -245,7 +258,7 @@ class Search:
         return self.fastest()
 
     def _is_enough(self, best: Trajectory) -> bool:
-        return best.duration <= GOOD_ENOUGH * self.enough_s
+        return best.duration <= self.good_enough * self.enough_s
 
     def _is_needed(self, ways: int, best: Trajectory | None) -> bool:
         """Whether to search for another path after a number of them."""
@@ -267,19 +280,22 @@ class Search:
         )
         return next((motion for (motion,) in motions if self.is_clear(motion)), None)
 
-    def _along(self, obstacles: Obstacles, sketch: Sketch) -> Trajectory | None:
-        """The same near a sketch that is clear already: with short steps, where longer ones fail.
+    def _along(
+        self, obstacles: Obstacles, sketch: Sketch, *leads: Callable[..., list[Motions]]
+    ) -> Trajectory | None:
+        """The same near a sketch that is clear already, by the first of some functions to succeed.
 
         Hulls of shapes may touch where the shapes do not; then the distances that hulls have along
         the sketch are enough.
         """
-        found = self._led(obstacles, sketch)
-        if found is None:
-            found = self._led(obstacles, sketch, led_along)
-        if found is None:
-            beside = self.context.obstacles(self.margin_m, sketch.q)
-            found = self._led(beside, sketch, led_along)
-        return found
+        for lead in leads:
+            near = obstacles
+            if lead is led_along and obstacles.bounds(sketch.controls).excess_m < -TOUCHING_M:
+                near = self.context.obstacles(self.margin_m, sketch.q)
+            found = self._led(near, sketch, lead)
+            if found is not None:
+                return found
+        return None
 
     def _corners(
         self,
@@ -324,7 +340,7 @@ class Search:
             for way in (*(RETREAT_AXES @ T.rotation.T), *UP_AND_BACK):
                 line = StraightLine(T, pin.SE3(T.rotation, T.translation + RETREAT_M * way))
                 there = follow(
-                    arm, self.limits, away[-1], line, fractions.tolist(), min_stride=STRIDE
+                    arm, self.limits, away[-1], line, fractions.tolist(), min_stride=RETREAT_STRIDE
                 )
                 free = list(takewhile(is_free, there.qs))
                 longest = max(longest, free, key=len)
@@ -417,6 +433,15 @@ def _faster(first: Trajectory | None, second: Trajectory | None) -> Trajectory |
     """The faster of two motions, either of which may be missing."""
     found = [motion for motion in (first, second) if motion is not None]
     return min(found, key=lambda motion: motion.duration, default=None)
+
+
+def _blocked(own: Sequence[Trajectory]) -> Callable[[Sequence[Search]], int]:
+    """How many of some motions are not clear in their searches' contexts."""
+
+    def count(searches: Sequence[Search]) -> int:
+        return sum(not s.is_clear(m) for s, m in zip(searches, own, strict=True))
+
+    return count
 
 
 def _later(motion: Trajectory, delay_s: float) -> Trajectory:
