@@ -44,9 +44,9 @@ from planner import (
     plan_free_move,
 )
 from planner.errors import MotionError
+from planner.manipulator import context_of_both, limits_of_both
 from planner.motion import free_search, rrt
 from planner.motion.joint_move import plan_joint_move
-from planner.two_arms.context import context_of_both, limits_of_both
 from planner.two_arms.pair_move import plan_pair_move
 
 Found = dict[str, Any]

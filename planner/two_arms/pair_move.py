@@ -33,7 +33,7 @@ from planner.clearance import ContinuousProof
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
 from planner.collision.mover import Mover
 from planner.errors import FreeMoveError, MotionError, StraightMoveError, TaskError
-from planner.manipulator import Manipulator
+from planner.manipulator import Manipulator, both_of, context_of_both, limits_of_both
 from planner.motion.joint_move import checked_start, rest_to_rest_s
 from planner.motion.paths.straight_line import (
     DEFAULT_TOLERANCE,
@@ -54,7 +54,6 @@ from planner.scene.contact import PartContact
 from planner.splines import Sketch
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.two_arms.context import both_of, context_of_both, limits_of_both
 from planner.two_arms.relative_pose import RelativeDeviation, relative_deviation, relative_poses
 
 INTERVALS, MAX_DOUBLINGS = 24, 2

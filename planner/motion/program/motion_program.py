@@ -282,10 +282,10 @@ class MotionProgram:
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.piece is not None and arm is not None:
-                piece, joints = task.pieces[phase.piece], len(arm.joint_names)
+                joints = len(arm.joint_names)
                 frame = pin.SE3.Identity() if task.T_tip_frame is None else task.T_tip_frame
-                poses = (arm.T_base_tip(q[:joints]) * frame for q in sketch.q)
-                x[fractions] = [piece.nearest_fraction(pose) for pose in poses]
+                poses = [arm.T_base_tip(q[:joints]) * frame for q in sketch.q]
+                x[fractions] = task.pieces[phase.piece].nearest_fractions(poses)
         return x
 
     def _motions(
