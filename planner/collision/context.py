@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin import Arm
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
@@ -71,6 +72,11 @@ class CollisionContext(OneLine):
         self.margin_m = checked_margin_m(margin_m)
         self._q_full = self.checker.configuration(q_others, "q_others").copy()
         self._where = np.array(checker.shapes.robot.indices(checker.mover.joint_names))
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that move: one, or the left and the right."""
+        return self.checker.arms
 
     @property
     def joints(self) -> int:

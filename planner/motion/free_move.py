@@ -109,8 +109,7 @@ def plan_free_move(
     ends = np.array([start, limits.check(q_goal, "q_goal", ROUNDING_RAD)])
     if ends.shape[1] != context.joints:
         raise MotionError(f"the limits are of {ends.shape[1]} joints; {context.joints} move")
-    arms = context.checker.arms
-    if upright is not None and len(arms) > 1:
+    if upright is not None and len(context.arms) > 1:
         raise MotionError("upright is of one arm's tip; both arms move")
     for which, q in zip(("start", "goal"), ends, strict=True):
         if not context.is_free(q):
@@ -130,7 +129,7 @@ def plan_free_move(
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
     search = Search(straight, limits, context, judge, margin_m, seeds, timeout_s, straight.duration)
-    return search.of_both() if len(arms) > 1 else search.fastest()
+    return search.of_both() if len(context.arms) > 1 else search.fastest()
 
 
 def _upright_move(

@@ -219,7 +219,7 @@ class Search:
         """
         searches = {
             arm.side: self._of_arm(number, self.context.alone(arm.side))
-            for number, arm in enumerate(self.context.checker.arms)
+            for number, arm in enumerate(self.context.arms)
         }
         found, enough_s = {}, 0.0
         for side, search in sorted(searches.items(), key=lambda each: -each[1].enough_s):
@@ -234,7 +234,7 @@ class Search:
     def _in_turn(self, first: int) -> list[Search]:
         """The searches of motions one after the other, in which the other arm stands."""
         found = []
-        for number, arm in enumerate(self.context.checker.arms):
+        for number, arm in enumerate(self.context.arms):
             q_other = np.split(self.straight.q[0 if number == first else -1], 2)[1 - number]
             search = self._of_arm(number, self.context.alone(arm.side, q_other))
             found.append(replace(search, enough_s=max(search.enough_s, self.enough_s)))
@@ -267,12 +267,15 @@ class Search:
         return ways < MAX_FASTER_SEARCHES and not self._is_enough(best)
 
     def _led(
-        self, obstacles: Obstacles, sketch: Sketch, lead: Callable[..., list[Motions]] = led_around
+        self,
+        obstacles: Obstacles,
+        sketch: Sketch,
+        lead: Callable[..., list[Motions]] | None = None,
     ) -> Trajectory | None:
         """The first clear motion near a sketch, led around obstacles."""
         task = MotionTask(self.straight.q_start, q_goal=self.straight.q_goal)
         solve = program(len(self.limits.names)).solve
-        motions = lead(
+        motions = (lead or led_around)(
             lambda sketches, near: solve(sketches, task, None, self.limits, near),
             [obstacles],
             [sketch],
@@ -331,10 +334,10 @@ class Search:
 
         Each line is the longest free one.
         """
-        away = [q]
-        if self.context.clearance(q).distance_m >= CONFINED_M:
+        away, arms = [q], self.context.arms
+        if len(arms) != 1 or self.context.clearance(q).distance_m >= CONFINED_M:
             return away
-        arm, fractions = self.context.checker.arm, np.linspace(0.0, 1.0, RETREAT_STEPS + 1)[1:]
+        arm, fractions = arms[0], np.linspace(0.0, 1.0, RETREAT_STEPS + 1)[1:]
         for _ in range(RETREATS):
             T, longest = arm.T_base_tip(away[-1]), list[FloatArray]()
             for way in (*(RETREAT_AXES @ T.rotation.T), *UP_AND_BACK):
