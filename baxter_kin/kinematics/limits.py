@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.display import count, degrees_hint, phrase, quoted, shortened
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, array, evolve, field, frozen, mapping
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
+from baxter_kin.validation import FloatArray, expect, finite_array, finite_scalar, positive_scalar
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """The value of MoveIt's Baxter configuration; Rethink published none."""
@@ -173,7 +173,12 @@ class JointLimits:
         return cls(names, q_min, q_max, v_max, a_max, j_max, each[0].origins)
 
     def part(self, joints: slice) -> JointLimits:
-        """The limits of some of the joints."""
+        """The limits of some of the joints.
+
+        Raises:
+            LimitsError: when there are none, or `joints` is not a slice.
+        """
+        expect(joints, slice, "joints", LimitsError)
         arrays = (self.q_min, self.q_max, self.v_max, self.a_max, self.j_max)
         return JointLimits(self.names[joints], *(each[joints] for each in arrays), self.origins)
 

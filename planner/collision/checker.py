@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.display import OneLine, count, shortened
+from baxter_kin.display import OneLine, count, quoted, shortened
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
@@ -158,8 +158,15 @@ class ClearanceChecker(OneLine):
             q_other: configuration of the other arm, shape (7,), rad.
 
         Raises:
-            SceneError: when both hands hold the same body.
+            SceneError: when only one arm moves anyway, the arm has another name, or both hands hold
+                the same body.
+            ConfigurationError: when `q_other` has another shape or is not finite.
         """
+        if side not in [arm.side for arm in self.arms] or len(self.arms) == 1:
+            names = " and ".join(arm.side for arm in self.arms)
+            raise SceneError(f"of the arms that move, {names}, {quoted(side)} cannot be alone")
+        if q_other is not None:
+            q_other = finite_array(q_other, (7,), "q_other", ConfigurationError)
         own = [each for each in self._held if each.side == side]
         others, scene = [each for each in self._held if each.side != side], self._scene
         (other,) = (arm for arm in self.arms if arm.side != side)

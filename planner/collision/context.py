@@ -85,11 +85,10 @@ class CollisionContext(OneLine):
 
     def alone(self, side: str, q_other: FloatArray | None = None) -> CollisionContext:
         """The context of one of two arms, as of `ClearanceChecker.alone`."""
-        q_full = self._q_full.copy()
+        checker, q_full = self.checker.alone(side, q_other), self._q_full.copy()
         if q_other is not None:
             is_other = [not name.startswith(side) for name in self.checker.mover.joint_names]
             q_full[self._where[is_other]] = q_other
-        checker = self.checker.alone(side, q_other)
         return CollisionContext(checker, q_full, margin_m=self.margin_m)
 
     @property

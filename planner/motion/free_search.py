@@ -58,7 +58,8 @@ MAX_FASTER_SEARCHES, POOR = 2, 2.0
 multiple of a lower bound."""
 
 GOOD_ENOUGH_OF_TWO = 1.1
-"""The same for one of two arms; the other one's motion may take longer anyway."""
+"""The same for one of two arms, and for both together as a multiple of the slower arm's own time:
+each further program costs seconds."""
 
 SLOW = 1.3
 """Multiple of the slower arm's own time beyond which both are also led around each other from the
@@ -178,7 +179,7 @@ class Search:
         if self.is_clear(at_once):
             return at_once
         obstacles = self.context.obstacles(self.margin_m, self.straight.q[[0, -1]])
-        together = replace(self, enough_s=at_once.duration)
+        together = replace(self, enough_s=at_once.duration, good_enough=GOOD_ENOUGH_OF_TWO)
         best = together._passing(obstacles, own)
         if best is None:
             for searches in sorted(map(together._in_turn, range(len(own))), key=_blocked(own)):
@@ -201,16 +202,16 @@ class Search:
 
     def _passing(self, obstacles: Obstacles, own: Sequence[Trajectory]) -> Trajectory | None:
         """The fastest motion found near both arms' motions that lets them pass each other."""
-        passing = Passing.of(own, self.context, self.margin_m)
-        guess = passing.guess(INTERVALS)
-        best = None if guess is None else self._along(obstacles, guess, led_around, led_along)
+        passing, best = Passing.of(own, self.context, self.margin_m), None
         for delays_s in passing.delays_s():
             delayed = side_by_side([_later(*each) for each in zip(own, delays_s, strict=True)])
-            if best is not None and delayed.duration >= best.duration:
-                break
             if self.is_clear(delayed):
-                return delayed
-        return best
+                best = delayed
+                break
+        guess = passing.guess(INTERVALS)
+        if guess is None or (best is not None and self._is_enough(best)):
+            return best
+        return _faster(best, self._along(obstacles, guess, led_along, led_around))
 
     def _own(self) -> list[Trajectory]:
         """Each arm's motion as if there were no other arm.

@@ -79,9 +79,12 @@ MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
 """Maximum number of rounds without a clear motion, and maximum number of failures; and share of its
 duration by which a clear motion must change for another round."""
 
-MAX_SHORT_ROUNDS, SHORT_TRUST_RAD, MIN_TRUST_RAD, ACCEPTED, REJECTED = 24, 0.1, 0.01, 1.5, 0.4
+MAX_SHORT_ROUNDS, SHORT_TRUST_RAD, MIN_TRUST_RAD, ACCEPTED, REJECTED = 24, 0.2, 0.01, 1.5, 0.4
 """Maximum number of rounds with short steps; initial and minimum change of a control in a round;
-and factors of it after a round that is accepted, and after one that is not."""
+and factors of it after a round with a clear motion, and after one that is rejected."""
+
+TOLERATED_M = 0.02
+"""Depth in an obstacle up to which a motion is accepted in between."""
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -389,30 +392,30 @@ def led_along(
 ) -> list[Motions]:
     """The same from sketches that are clear or nearly so, with steps that keep motions clear.
 
-    A motion that is not clear, and less so than the one before, is rejected, and the trust region
-    is reduced. Among narrow obstacles, bounds on distances hold for small changes only; this takes
-    more rounds than `led_around`.
+    A motion that is deeper in an obstacle than `TOLERATED_M`, and deeper than the one before, is
+    rejected, and the trust region is reduced. Among narrow obstacles, bounds on distances hold for
+    small changes only; this takes more rounds than `led_around`.
     """
     clear_motions: list[Motions] = []
     trust_rad, bounds = SHORT_TRUST_RAD, _bounds(obstacles, sketches)
     excess_m = min(each.excess_m for each in bounds)
     for _ in range(MAX_SHORT_ROUNDS):
         led = solve(sketches, Clearances(bounds, trust_rad))
-        is_better = False
+        is_accepted, is_clear = False, False
         if led is not None:
             nearer = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
             bounds_there = _bounds(obstacles, nearer)
             excess_there_m = min(each.excess_m for each in bounds_there)
             is_clear = excess_there_m > -MARGIN_TOLERANCE_M
-            is_better = is_clear or excess_there_m > excess_m
-        if not is_better:
+            is_accepted = excess_there_m > min(excess_m, -TOLERATED_M)
+        if not is_accepted:
             trust_rad *= REJECTED
             if trust_rad < MIN_TRUST_RAD:
                 break
             continue
         sketches, bounds, excess_m = nearer, bounds_there, excess_there_m
-        trust_rad = min(TRUST_RAD, trust_rad * ACCEPTED)
         if led is not None and is_clear:
+            trust_rad = min(TRUST_RAD, trust_rad * ACCEPTED)
             clear_motions.insert(0, led)
             if _is_good(clear_motions, enough_s):
                 break
