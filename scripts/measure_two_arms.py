@@ -29,6 +29,8 @@ import pinocchio as pin
 from baxter_kin import Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.description.hands import ElectricGripper
 from baxter_kin.ik import sample_solutions
+from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.validation import FloatArray
 from planner import (
     Attachment,
     Body,
@@ -146,17 +148,14 @@ def trays(given: argparse.Namespace) -> Iterator[Found]:
     table = load_object("table", pose_from_quaternion((1.0, 0.0, -0.93), (0, 0, 0, 1)))
     ways = {"up": (0.0, 0.0, 1.0), "sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
     for number in range(given.count):
-        name = list(ways)[number % len(ways)]
-        T_start, state = None, None
+        name, drawn, state = list(ways)[number % len(ways)], 0, None
         while state is None:
-            T_start, state = random_start(arms, table, limits, rng)
-        way = rng.uniform(0.1, 0.3) * np.array(ways[name])
-        if name == "sideways" and T_start.translation[1] > 0.0:
-            way = -way
-        T_goal = pin.SE3(T_start.rotation, T_start.translation + way)
+            drawn += 1
+            way = rng.uniform(0.1, 0.3) * np.array(ways[name])
+            state, T_goal = random_tray(arms, table, limits, way, rng)
         for is_straight in (False, True):
             found: Found = {"way": name, "number": number, "is_straight": is_straight}
-            found["length_m"] = float(np.linalg.norm(way))
+            found |= {"length_m": float(np.linalg.norm(way)), "drawn": drawn}
             started = time.process_time()
             try:
                 move = plan_pair_move(arms, state, T_goal, is_straight=is_straight)
@@ -174,19 +173,30 @@ def trays(given: argparse.Namespace) -> Iterator[Found]:
             yield found
 
 
-def random_start(
-    arms: Mapping[str, Manipulator], table: Body, limits: JointLimits, rng: np.random.Generator
-) -> tuple[pin.SE3, State | None]:
-    """A random tray in both hands, which point at each other; None where both cannot hold it."""
+def random_tray(
+    arms: Mapping[str, Manipulator],
+    table: Body,
+    limits: JointLimits,
+    way: FloatArray,
+    rng: np.random.Generator,
+) -> tuple[State | None, pin.SE3]:
+    """A random tray in both hands, which point at each other, and its goal.
+
+    The state is None where both hands cannot hold it, or the goal is proven out of reach.
+    """
     half_m = rng.uniform(0.15, 0.3)
-    x, y, z = rng.uniform((0.45, -0.15, -0.05), (0.75, 0.15, 0.3))
+    x, y, z = rng.uniform((0.4, -0.15, -0.05), (0.75, 0.15, 0.3))
     T = pin.SE3(pin.utils.rotate("z", rng.uniform(-0.3, 0.3)), np.array([x, y, z]))
+    T_goal = pin.SE3(T.rotation, T.translation + (way if y <= 0.0 or way[1] == 0.0 else -way))
     R_left = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     R_right = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     T_body_tips = [
         pin.SE3(R, np.array([0.0, sign * half_m, 0.0])) for R, sign in ((R_left, 1), (R_right, -1))
     ]
     sizes = (rng.uniform(0.1, 0.3), 2.0 * half_m + 0.06, 0.02)
+    for side, T_body_tip in zip(("left", "right"), T_body_tips, strict=True):
+        if ReachBound(arms[side].arm).proof(T_goal * T_body_tip) is not None:
+            return None, T_goal
     tray = Body("tray", (Part(Box(sizes), pin.SE3.Identity()),), T)
     tips = [arms[side].arm.tip_frame for side in ("left", "right")]
     held = [
@@ -205,8 +215,8 @@ def random_start(
         q = np.concatenate([left, right])
         if context.is_free(q):
             joints = dict(zip(limits.names, q.tolist(), strict=True))
-            return T, state.moved(arms["left"].robot, joints)
-    return T, None
+            return state.moved(arms["left"].robot, joints), T_goal
+    return None, T_goal
 
 
 def sampled_deviation(

@@ -60,11 +60,15 @@ INTERVALS, MAX_DOUBLINGS = 24, 2
 """Minimum number of intervals, and how often it is doubled where the hands leave their relative
 pose between knots."""
 
+MIN_LENGTH = 1e-9
+"""Maximum difference of any entry of two equal poses of the body, at its start and its goal."""
+
 HELD_POSE = 1e-6
 """Maximum difference of any entry of the poses in which both hands hold a body at the start."""
 
-GOALS = 4
-"""Number of sampled solutions of the goal, of each arm, in which guesses end."""
+GOALS, GOALS_ON_LINES = 4, 1
+"""Number of sampled solutions of the goal in which guesses end; and that on straight lines, where
+such a guess is far from any solution."""
 
 RISES_M = (0.1, 0.2)
 """Heights over which the body is lifted in other guesses."""
@@ -246,43 +250,55 @@ class _Carry:
             if refusal:
                 raise FreeMoveError(f"start {refusal}")
 
-    def motion(self) -> tuple[Trajectory, RelativeDeviation, ContinuousProof]:
-        """The first motion found that keeps everything that is required."""
-        reasons: list[str] = []
-        if np.allclose(self.start.homogeneous, self.goal.homogeneous, atol=1e-9):
-            found = self.judged(Trajectory.stay(self.q_start, self.limits), reasons)
-            if found is not None:
-                return found
+    def check_goal(self) -> None:
+        """Refuse a goal that is proven out of reach."""
         for arm, T in zip(self.mover.arms, self.T_tips_body, strict=True):
             beyond = ReachBound(arm).proof(self.goal * T.inverse())
             if beyond is not None:
                 raise FreeMoveError(f"the goal is out of reach of the {arm.side} arm: {beyond}")
+
+    def motion(self) -> tuple[Trajectory, RelativeDeviation, ContinuousProof]:
+        """The first motion found that keeps everything that is required."""
+        reasons: list[str] = []
+        if np.allclose(self.start.homogeneous, self.goal.homogeneous, atol=MIN_LENGTH):
+            stay = Trajectory.stay(self.q_start, self.limits)
+            proof = self.proof(stay, reasons)
+            if proof is not None:
+                return stay, self.deviation(stay), proof
+        self.check_goal()
         line = StraightLine(self.start, self.goal) if self.is_straight else None
         intervals = INTERVALS
         if line is not None:
             intervals = intervals_of(line, self.tolerance, INTERVALS)
         for _ in range(1 + MAX_DOUBLINGS):
-            is_off = False
+            is_too_coarse = False
             for qs in self.guesses(intervals, reasons):
                 for trajectory in self.solved(qs, line):
-                    found = self.judged(trajectory, reasons, line)
-                    if found is not None:
-                        return found
-                is_off = bool(reasons) and reasons[-1].startswith("off")
-                if is_off:
+                    deviation = self.deviation(trajectory)
+                    is_too_coarse = not (
+                        deviation.is_within(self.tolerance.position_m, self.tolerance.rotation_rad)
+                        and (line is None or self.is_on_line(line, trajectory))
+                    )
+                    if is_too_coarse:
+                        break
+                    proof = self.proof(trajectory, reasons)
+                    if proof is not None:
+                        return trajectory, deviation, proof
+                if is_too_coarse:
                     break
-            if not is_off:
+            if not is_too_coarse:
                 break
             intervals *= 2
-        raise self.refusal(reasons)
+        if is_too_coarse:
+            reasons.append("between the knots, the hands or the body leave the tolerance")
+        elif not reasons:
+            reasons.append("no motion inside the limits keeps the relative pose of the hands")
+        raise FreeMoveError("no motion was found: " + "; ".join(dict.fromkeys(reasons)))
 
-    def refusal(self, reasons: list[str]) -> MotionError:
-        """Why there is no motion."""
-        if not reasons:
-            return FreeMoveError(
-                "no motion inside the limits was found in which both hands hold on"
-            )
-        return FreeMoveError("no motion was found: " + "; ".join(dict.fromkeys(reasons)))
+    def deviation(self, trajectory: Trajectory) -> RelativeDeviation:
+        """Bounds on the deviation of the relative pose."""
+        allowed = self.tolerance.position_m, self.tolerance.rotation_rad
+        return relative_deviation(self.mover, trajectory, self.T_left_right, *allowed)
 
     def guesses(self, intervals: int, reasons: list[str]) -> Iterator[FloatArray]:
         """Configurations at the knots, shape (n + 1, 14), that hardly leave the relative pose."""
@@ -298,7 +314,7 @@ class _Carry:
             for rise_m in RISES_M:
                 with suppress(StraightMoveError):
                     yield from self.lifted(top_m + rise_m, eased)
-        yield from self.to_other_goals(eased)
+        yield from self.to_other_goals(eased, reasons)
 
     def lifted(self, height_m: float, eased: FloatArray) -> Iterator[FloatArray]:
         """The guess that lifts the body, carries it across, and lowers it."""
@@ -343,7 +359,7 @@ class _Carry:
             found.append(qs)
         return np.concatenate([np.array(qs) for qs in found], axis=1)
 
-    def to_other_goals(self, eased: FloatArray) -> Iterator[FloatArray]:
+    def to_other_goals(self, eased: FloatArray, reasons: list[str]) -> Iterator[FloatArray]:
         """Guesses along joint lines to the nearest solutions of the goal, of each arm."""
         solutions = []
         for arm, T, limits, q in zip(
@@ -355,6 +371,7 @@ class _Carry:
         ):
             found = sample_solutions(IKService(arm), self.goal * T.inverse())
             if not len(found):
+                reasons.append(f"no solution of the goal was found for the {arm.side} arm")
                 return
             times = rest_to_rest_s(found - q, limits)
             solutions.append((found[np.argsort(times)], np.sort(times)))
@@ -370,7 +387,7 @@ class _Carry:
             if self.context.is_free(q_goal):
                 yield self.q_start + eased[:, None] * (q_goal - self.q_start)
                 tried += 1
-            if tried == GOALS:
+            if tried == (GOALS_ON_LINES if self.is_straight else GOALS):
                 return
 
     @property
@@ -432,32 +449,21 @@ class _Carry:
         longest = np.abs(np.diff(qs, axis=0)).sum(axis=0)
         return 1.2 * float(rest_to_rest_s(longest, self.limits))
 
-    def judged(
-        self, trajectory: Trajectory, reasons: list[str], line: StraightLine | None = None
-    ) -> tuple[Trajectory, RelativeDeviation, ContinuousProof] | None:
-        """A motion with its proofs; None, with a reason, where something required is not kept."""
-        allowed = self.tolerance.position_m, self.tolerance.rotation_rad
-        deviation = relative_deviation(self.mover, trajectory, self.T_left_right, *allowed)
-        if not deviation.is_within(*allowed):
-            reasons.append(f"off the relative pose: {deviation!r}")
-            return None
-        if line is not None and not self.is_on_line(line, trajectory):
-            reasons.append("off the straight line")
-            return None
+    def proof(self, trajectory: Trajectory, reasons: list[str]) -> ContinuousProof | None:
+        """The proof that a motion is clear; None, with a reason, where it is not, or leans."""
         if self.upright is not None:
             own = _part(trajectory, self.limits.part(slice(7)))
             refusal = self.seen_from_tip(self.upright).refusal(self.tilt_rad(own))
             if refusal:
                 reasons.append(f"the body {refusal}")
                 return None
-        if not looks_clear(trajectory, self.context.is_free, SCREENING_STEP_RAD):
-            reasons.append("the arms or the body touch something on every way that was found")
-            return None
-        proof = self.context.prove(trajectory)
-        if not isinstance(proof, ContinuousProof):
-            reasons.append(str(proof))
-            return None
-        return trajectory, deviation, proof
+        proof = None
+        if looks_clear(trajectory, self.context.is_free, SCREENING_STEP_RAD):
+            proof = self.context.prove(trajectory)
+        if isinstance(proof, ContinuousProof):
+            return proof
+        reasons.append("the arms or the body touch something on every way that was found")
+        return None
 
     def is_on_line(self, line: StraightLine, trajectory: Trajectory) -> bool:
         """Whether the body stays within the tolerance of its line, at samples."""
