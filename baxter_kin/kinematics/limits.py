@@ -179,8 +179,11 @@ class JointLimits:
             LimitsError: when there are none, or `joints` is not a slice.
         """
         expect(joints, slice, "joints", LimitsError)
-        arrays = (self.q_min, self.q_max, self.v_max, self.a_max, self.j_max)
-        return JointLimits(self.names[joints], *(each[joints] for each in arrays), self.origins)
+        each = self.q_min, self.q_max, self.v_max, self.a_max, self.j_max
+        q_min, q_max, v_max, a_max, j_max = (values[joints] for values in each)
+        return JointLimits(
+            self.names[joints], q_min, q_max, v_max, a_max, j_max, origins=self.origins
+        )
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.

@@ -133,8 +133,8 @@ class Search:
             return best
         leaving, coming = (self._retreat(q, is_free) for q in ends)
         if len(leaving) + len(coming) > 2:
-            corners = np.array([*leaving, *coming[::-1]])
-            best = _faster(best, self._led(obstacles, through(corners, self.limits)))
+            line = np.array([*leaving, *coming[::-1]])
+            best = _faster(best, self._led(obstacles, through(line, self.limits)))
         refused, ways, left_s, closeness = 0, 0, self.timeout_s, 1.0
         while self._is_needed(ways, best):
             started_s = time.monotonic()
@@ -245,7 +245,8 @@ class Search:
         """The search of one of two arms."""
         joints = slice(7 * number, 7 * number + 7)
         limits = self.limits.part(joints)
-        straight = plan_joint_move(*self.straight.q[[0, -1], joints], limits)
+        start, goal = self.straight.q[[0, -1], joints]
+        straight = plan_joint_move(start, goal, limits)
         given = straight, limits, context, context.is_clear, self.margin_m, self.rng
         return Search(*given, self.timeout_s, straight.duration, GOOD_ENOUGH_OF_TWO)
 
@@ -421,7 +422,7 @@ class Passing:
                 for wait, size in zip(waits, self.is_free.shape, strict=True)
             )
             if self.is_free[i, j].all():
-                delays_s = tuple(self.step_s * wait for wait in waits)
+                delays_s = self.step_s * waits[0], self.step_s * waits[1]
                 end_s = max(d + m.duration for d, m in zip(delays_s, self.own, strict=True))
                 found.append((end_s, delays_s))
         yield from (delays_s for _, delays_s in sorted(found))

@@ -13,7 +13,7 @@ goal, or lift the body.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -427,7 +427,7 @@ class _Carry:
             )
 
             def solve(
-                sketches: list[Sketch], near: Clearances | None, task: MotionTask = task
+                sketches: Sequence[Sketch], near: Clearances | None, task: MotionTask = task
             ) -> Motions | None:
                 return program.solve(sketches, task, self.left, self.limits, near)
 

@@ -13,7 +13,7 @@ where a C compiler is found, compiled once for all robots.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -302,7 +302,7 @@ class NodeFunctions:
     value: ca.Function
     first: ca.Function
     second: ca.Function
-    joints: int = 7
+    joints: int = field(default=7, kw_only=True)
 
     @property
     def all(self) -> tuple[ca.Function, ca.Function, ca.Function]:
