@@ -13,13 +13,14 @@ the world is as the step states it.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from baxter_kin.display import OneLine, count, millimetres, phrase, seconds
-from baxter_kin.fields import field, frozen, scalar
-from baxter_kin.validation import expect, finite_scalar
+from baxter_kin.fields import array, field, frozen, scalar
+from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot.robot_body import identity_of
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
@@ -92,6 +93,29 @@ class Outcome:
         return f"{count(len(self.hits), 'hit')}: {names}"
 
 
+@frozen(error=SimulationError)
+class Strokes:
+    """What a pen in the hand draws while a plan is executed.
+
+    Attributes:
+        on: name of the body that it draws on.
+        times_s: from when to when it touches, increasing, shape (k, 2), s from the plan's start.
+
+    Raises:
+        SimulationError: when the times do not increase.
+    """
+
+    on: str
+    times_s: FloatArray = array(None, 2)
+
+    def __attrs_post_init__(self) -> None:
+        if (np.diff(self.times_s.reshape(-1), prepend=0.0) < 0.0).any():
+            raise SimulationError("the times of strokes must increase, from 0 on")
+
+    def _facts(self) -> tuple[str, ...]:
+        return count(len(self.times_s), "stroke"), f"on {phrase(self.on)}"
+
+
 class Simulation(OneLine):
     """A world in time.
 
@@ -130,6 +154,7 @@ class Simulation(OneLine):
         self._checks_contacts = expect(check_contacts, bool, "check_contacts", SimulationError)
         self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
         self._hits: list[Contact] = []  # of this execution
+        self._pen: deque[tuple[float, EventKind, str, Body]] = deque()  # likewise, still to come
         self._timeline.begin()
 
     @property
@@ -169,6 +194,7 @@ class Simulation(OneLine):
         *,
         certificate: Certificate | None = None,
         unverified: bool = False,
+        strokes: Strokes | None = None,
     ) -> Outcome:
         """Execute every step of a plan, or stop at the first that fails.
 
@@ -181,6 +207,7 @@ class Simulation(OneLine):
             certificate: the result of `verify` for this very plan; a step is not checked for
                 contacts while the world is as the step states it.
             unverified: whether the certificate is missing on purpose, so that nothing is logged.
+            strokes: what a pen in the hand draws meanwhile, which observers are notified of.
 
         Raises:
             SimulationError: when the plan is invalid, is for another robot or starts elsewhere;
@@ -195,12 +222,14 @@ class Simulation(OneLine):
         is_certified = certificate is not None and certificate.is_valid and certificate.is_of(plan)
         started_s, failure = self.time_s, None
         self._hits = []
+        self._pen = deque(self._pen_events(strokes))
         for step in plan:
             self._timeline.caption = f"{title}{step.label}"
             is_proven = is_certified and is_as_stated(self.world, step)
             failure = self._do(step, checks=self._checks_contacts and not is_proven)
             if failure is not None:
                 break
+        self._lift_pen(plan.limb)
         return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
 
     def finish(self) -> None:
@@ -248,12 +277,37 @@ class Simulation(OneLine):
         return None
 
     def _follow(self, move: Move, begin_s: float, end_s: float) -> None:
-        """Follow a move that began at a time, until so long after."""
+        """Follow a move that began at a time, until so long after; the pen may draw meanwhile."""
+        while self._pen and self._pen[0][0] <= begin_s + end_s:
+            time_s, kind, text, body = self._pen.popleft()
+            self._pass(move, begin_s, time_s - begin_s)
+            self._timeline.notify(kind, text, move.limb, body=body)
+        self._pass(move, begin_s, end_s)
+
+    def _pass(self, move: Move, begin_s: float, end_s: float) -> None:
+        """Pass along a move that began at a time, until so long after."""
         duration_s = begin_s + end_s - self.time_s
         ticks = self._timeline.ticks_until(self.time_s + duration_s)
         times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
         path, limb = iter(move.trajectory.sample(times).q), move.limb
         self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
+
+    def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
+        """When the pen touches and leaves what it draws on, from now on."""
+        if strokes is None:
+            return
+        body = self.world.body(expect(strokes, Strokes, "strokes", SimulationError).on)
+        times_s = (self.time_s + strokes.times_s).tolist()
+        for number, (down_s, up_s) in enumerate(times_s, 1):
+            text = f"stroke {number} of {len(times_s)}"
+            yield down_s, EventKind.PEN_DOWN, f"{text} begins", body
+            yield up_s, EventKind.PEN_UP, f"{text} ends", body
+
+    def _lift_pen(self, limb: str) -> None:
+        """End the stroke that a plan was stopped in."""
+        if self._pen and self._pen[0][1] is EventKind.PEN_UP:
+            _, kind, text, body = self._pen.popleft()
+            self._timeline.notify(kind, text, limb, body=body)
 
     def _close(self, grip: Grip) -> str | None:
         """Close the fingers on what is between the pads, which push it on their way."""
