@@ -163,14 +163,14 @@ def test_a_tray_is_turned_and_stays_upright(
 def test_a_post_in_the_way_is_passed(
     robot: Baxter, manipulators: dict[str, Manipulator], held_at: Callable[..., State]
 ) -> None:
-    post = Body("post", (Part(Box((0.03, 0.03, 0.36)), pin.SE3.Identity()),), at(0.78, -0.3, 0.0))
+    post = Body("post", (Part(Box((0.03, 0.03, 0.26)), pin.SE3.Identity()),), at(0.72, 0.0, -0.05))
     start, goal = at(0.60, 0.15, 0.10), at(0.60, -0.15, 0.10)
     state = held_at(start, post)
     plain = plan_pair_move(manipulators, evolve(state, scene=state.scene.without("post")), goal)
-    context = context_of_both(manipulators, state)
+    assert not context_of_both(manipulators, state).is_clear(plain.trajectory)
     move = plan_pair_move(manipulators, state, goal)
     check(robot, manipulators, state, move, goal)
-    assert context.is_clear(plain.trajectory) or move.duration_s >= 0.999 * plain.duration_s
+    assert move.duration_s >= 0.999 * plain.duration_s
 
 
 def one_hand(state: State) -> State:
