@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from planner.grasping.overhead import overhead_grasp as overhead_grasp
     from planner.grasping.tool import tool_of as tool_of
     from planner.manipulator import Manipulator as Manipulator
+    from planner.manipulator import context_of_both as context_of_both
+    from planner.manipulator import limits_of_both as limits_of_both
     from planner.motion.free_move import plan_free_move as plan_free_move
     from planner.motion.joint_move import plan_joint_move as plan_joint_move
     from planner.motion.paths.deviation import FollowedPath as FollowedPath
@@ -68,6 +70,8 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
+    from planner.two_arms.pair_move import PairMove as PairMove
+    from planner.two_arms.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
     from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
     from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
@@ -103,6 +107,7 @@ __all__, __getattr__ = lazy(
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
+        "PairMove": "planner.two_arms.pair_move",
         "Part": "planner.scene.bodies",
         "PathMove": "planner.motion.paths.path_move",
         "PathMoveError": "planner.errors",
@@ -127,7 +132,9 @@ __all__, __getattr__ = lazy(
         "Upright": "planner.motion.upright",
         "certify": "planner.verification",
         "complete": "planner.completion",
+        "context_of_both": "planner.manipulator",
         "fit_response": "planner.motion.response",
+        "limits_of_both": "planner.manipulator",
         "load_mesh": "planner.scene.mesh",
         "load_object": "planner.scene.objects",
         "load_plan": "planner.plan_file",
@@ -136,6 +143,7 @@ __all__, __getattr__ = lazy(
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
         "plan_joint_move": "planner.motion.joint_move",
+        "plan_pair_move": "planner.two_arms.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",

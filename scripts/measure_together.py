@@ -55,9 +55,8 @@ from planner import (
 from planner.collision.context import CollisionContext
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
 from planner.two_arms.across import windows_of
-from planner.two_arms.arm_cycle import Requirements
 from planner.two_arms.pair import PairSearch
-from planner.two_arms.problem import Problem
+from planner.two_arms.problem import Problem, Requirements
 from planner.two_arms.together import DEFAULT_GRIP_S
 
 SIZE_M, TABLE_Z_M, APART_M = 0.045, -0.155, 0.13

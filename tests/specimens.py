@@ -20,6 +20,8 @@ import sim.world
 from baxter_kin import Baxter, ElectricGripper, IKService, NamedFrame, StampedPose
 from baxter_kin.fields import field_names
 from planner import Manipulator, Plan, RobotBody, Scene, load_object
+from planner.clearance import ContinuousProof
+from planner.two_arms.relative_pose import RelativeDeviation
 from sim import Recorder, Simulation, World
 from tests.conftest import at, overhead
 
@@ -90,6 +92,13 @@ def specimens_of(
             {"left": tuple(map(float, range(0, 10 * len(plan.steps), 10))), "right": ()},
             0.5,
             failure=planner.PlanFailure("place: descend", "both hands cannot be there at once"),
+        ),
+        "pair move": planner.PairMove(
+            "tray",
+            planner.Trajectory.stay(q, arm.limits),
+            np.eye(4)[None],
+            RelativeDeviation(1e-5, 1e-4, 256),
+            ContinuousProof(0.01, nearest, 0.0, 1, 1),
         ),
         "certificate": planner.verify(plan),
         "certificate of both": planner.TwoArmCertificate({}, 1.0, "it failed"),

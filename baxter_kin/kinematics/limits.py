@@ -28,6 +28,7 @@ from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, array, evolve, field, frozen, mapping
 from baxter_kin.validation import (
     FloatArray,
+    expect,
     expect_all,
     finite_array,
     finite_scalar,
@@ -183,6 +184,19 @@ class JointLimits:
             for what in ("q_min", "q_max", "v_max", "a_max", "j_max")
         )
         return cls(names, q_min, q_max, v_max, a_max, j_max, groups[0].origins)
+
+    def part(self, joints: slice) -> JointLimits:
+        """The limits of some of the joints.
+
+        Raises:
+            LimitsError: when there are none, or `joints` is not a slice.
+        """
+        expect(joints, slice, "joints", LimitsError)
+        each = self.q_min, self.q_max, self.v_max, self.a_max, self.j_max
+        q_min, q_max, v_max, a_max, j_max = (values[joints] for values in each)
+        return JointLimits(
+            self.names[joints], q_min, q_max, v_max, a_max, j_max, origins=self.origins
+        )
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.

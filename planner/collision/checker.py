@@ -1,4 +1,4 @@
-"""ClearanceChecker: the distances of one arm from everything it must not touch."""
+"""ClearanceChecker: the distances of one arm, or of both, from everything they must not touch."""
 
 from __future__ import annotations
 
@@ -11,9 +11,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.display import OneLine, count, shortened
+from baxter_kin.display import OneLine, count, quoted, shortened
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.validation import FloatArray, Indices, expect, finite_array, whole_scalar
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import (
+    FloatArray,
+    Indices,
+    expect,
+    expect_all,
+    finite_array,
+    whole_scalar,
+)
 from planner.clearance import Clearance
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import MotionBounds
@@ -30,19 +38,19 @@ MAX_JOINT = 1000.0
 
 
 class ClearanceChecker(OneLine):
-    """The distances of one arm from everything it must not touch, in one situation.
+    """The distances of one arm or both from everything they must not touch, in one situation.
 
-    The arm's shapes are checked against the rest of the robot, against each other and against the
-    bodies of the scene, and a held body against everything except the hand. Pairs whose distance
-    does not change with the arm are not checked, nor are those of links that cannot meet
-    (`RobotShapes`).
+    The arms' shapes are checked against the rest of the robot, against each other and against the
+    bodies of the scene, and a held body against everything except the hands that hold it. Pairs
+    whose distance does not change with the arms are not checked, nor are those of links that cannot
+    meet (`RobotShapes`). A body that both hands hold moves with the left one.
 
     A hand must come near a body to grasp it: all shapes of the hand may come nearer to that body
     than a margin, as long as they do not touch it. Its pads may press on the body if `may_press`,
     and a held body on its supports, by up to `PRESSING_TOLERANCE_M`.
 
     Attributes:
-        arm: the arm that moves.
+        arms: the arms that move: one, or the left and the right.
         shapes: the robot's shapes.
         robot: the model of the whole robot.
         checked: the pairs of shapes that are checked.
@@ -53,36 +61,44 @@ class ClearanceChecker(OneLine):
     def __init__(
         self,
         shapes: RobotShapes,
-        arm: Arm,
+        arm: Arm | Mover,
         scene: Scene,
         *,
         touchable: str | None = None,
         may_press: bool = True,
-        held: Attachment | None = None,
+        held: Attachment | Iterable[Attachment] | None = None,
         supports: Iterable[PartContact | str] = (),
+        without: Arm | None = None,
     ) -> None:
         """Build the geometry of a situation.
 
         Args:
             shapes: the robot's shapes.
-            arm: the arm that moves.
-            scene: all bodies; only the held one moves.
+            arm: the arm that moves, or both arms.
+            scene: all bodies; only held ones move.
             touchable: name of the body that the hand grasps, is about to grasp, or has released.
             may_press: whether the pads may touch that body.
-            held: the body in the hand.
-            supports: what the held body stood or will stand on, and may touch: pairs of parts, as
-                `part_contacts` gives them, or names of bodies, any part of which it may touch.
+            held: the body in the hand, or what is in the hands; both may hold one body.
+            supports: what held bodies stood or will stand on, and may touch: pairs of parts, as
+                `part_contacts` gives them, or names of bodies, any part of which they may touch.
+            without: an arm that is left out, as if the robot did not have it.
 
         Raises:
             SceneError: when the touchable or the held body is not in the scene, another hand holds
                 it, or an argument is of another class.
         """
         expect(shapes, RobotShapes, "shapes", SceneError)
-        expect(arm, Arm, "arm", SceneError)
+        self.arms = arm.arms if isinstance(arm, Mover) else (expect(arm, Arm, "arm", SceneError),)
         expect(may_press, bool, "may_press", SceneError)
-        _check_situation(arm, scene, touchable, held)
+        if held is None or isinstance(held, Attachment):
+            held = () if held is None else (held,)
+        attached = expect_all(held, Attachment, "held", SceneError)
+        ignored = frozenset[int]()
+        if without is not None:
+            ignored = shapes.of_arm(without)  # checks its class
+        _check_situation(self.arms, scene, touchable, attached)
         touched = checked_supports(supports)
-        self.arm = arm
+        self._held, self._supports, self._scene = attached, touched, scene
         self._made_by = partial(
             ClearanceChecker,
             shapes,
@@ -90,20 +106,30 @@ class ClearanceChecker(OneLine):
             scene,
             touchable=touchable,
             may_press=may_press,
-            held=held,
+            held=attached,
             supports=touched,
+            without=without,
         )
         near = (
-            () if touchable is None else Contact.of_hand(arm.side, touchable, may_press=may_press)
+            ()
+            if touchable is None
+            else Contact.of_hand(self.arm.side, touchable, may_press=may_press)
         )
-        own = () if held is None else Contact.of_supports(held.body, touched)
+        hands: dict[str, list[Attachment]] = {}
+        for each in sorted(attached, key=lambda each: LIMBS.index(each.side)):
+            hands.setdefault(each.body, []).append(each)
+        own = [contact for body in hands for contact in Contact.of_supports(body, touched)]
         self.contacts: tuple[Contact, ...] = (*near, *own)
         self.robot: pin.Model = shapes.robot.model
-        self.shapes, pairs = shapes, ShapePairsBuilder(shapes, arm)
-        still = scene if held is None else scene.without(held.body)
+        self.shapes, pairs = shapes, ShapePairsBuilder(shapes, *self.arms, ignored=ignored)
+        still = scene
+        for body in hands:
+            still = still.without(body)
         bodies = pairs.add_scene(still, touchable, may_press=may_press, supports=touched)
-        if held is not None:
-            pairs.add_held(scene[held.body], held.T_link_body, bodies, touched)
+        for body, of_body in hands.items():
+            holding = [self._arm(each.side) for each in of_body]
+            T_tip_body = of_body[0].T_link_body
+            bodies[body] = pairs.add_held(scene[body], T_tip_body, bodies, touched, holding)
         self.checked = pairs.build()
         self.geometry = self.checked.geometry
         self._hulls: dict[int, coal.CollisionGeometry] = {}
@@ -111,10 +137,58 @@ class ClearanceChecker(OneLine):
     def __reduce__(self) -> tuple[partial[ClearanceChecker], tuple[()]]:
         return self._made_by, ()
 
+    @property
+    def arm(self) -> Arm:
+        """The arm that moves; of both, the left one."""
+        return self.arms[0]
+
     @cached_property
     def mover(self) -> Mover:
-        """The arm that moves, as the robot of the shapes has it, with whose arm they move."""
-        return Mover.of(self.shapes.robot.arm(self.arm.side))
+        """The arms that move, as the robot of the shapes has them, with which they move."""
+        return Mover.of(*(self.shapes.robot.arm(arm.side) for arm in self.arms))
+
+    def alone(self, side: str, q_other: FloatArray | None = None) -> ClearanceChecker:
+        """The checker of one of two arms, as if the robot did not have the other.
+
+        What the other hand holds is left out, too. Or, where `q_other` is given, the other arm
+        stands there with what it holds.
+
+        Args:
+            side: of the arm that moves.
+            q_other: configuration of the other arm, shape (7,), rad.
+
+        Raises:
+            SceneError: when only one arm moves anyway, the arm has another name, or both hands hold
+                the same body.
+            ConfigurationError: when `q_other` has another shape or is not finite.
+        """
+        if side not in [arm.side for arm in self.arms] or len(self.arms) == 1:
+            names = " and ".join(arm.side for arm in self.arms)
+            raise SceneError(f"of the arms that move, {names}, {quoted(side)} cannot be alone")
+        if q_other is not None:
+            q_other = finite_array(q_other, (7,), "q_other", ConfigurationError)
+        own = [each for each in self._held if each.side == side]
+        others, scene = [each for each in self._held if each.side != side], self._scene
+        (other,) = (arm for arm in self.arms if arm.side != side)
+        for each in others:
+            if any(each.body == mine.body for mine in own):
+                raise SceneError(f"both hands hold {each.body!r}: no arm can move alone")
+            if q_other is None:
+                scene = scene.without(each.body)
+            else:
+                T_base_link = other.with_tip(each.link).T_base_tip(q_other)
+                scene = scene.moved(each.body, T_base_link * each.T_link_body)
+        return ClearanceChecker(
+            self.shapes,
+            self._arm(side),
+            scene,
+            held=own,
+            supports=self._supports,
+            without=other if q_other is None else None,
+        )
+
+    def _arm(self, side: str) -> Arm:
+        return next(arm for arm in self.arms if arm.side == side)
 
     @cached_property
     def walk(self) -> Walk:
@@ -182,6 +256,17 @@ class ClearanceChecker(OneLine):
         return full
 
     @property
+    def is_between_arms(self) -> NDArray[np.bool_]:
+        """Whether a pair is one of shapes that different arms move, shape (n,)."""
+        moves = self.motion_bounds.moves[self.pairs]  # n, 2, joints
+        by_arm = [part.any(axis=2) for part in np.split(moves, len(self.arms), axis=2)]
+        first, second = np.array(by_arm).transpose(2, 0, 1)  # arms, n
+        apart: NDArray[np.bool_] = (
+            first.any(axis=0) & second.any(axis=0) & ~(first & second).any(axis=0)
+        )
+        return apart
+
+    @property
     def pairs(self) -> Indices:
         """The two shapes of every pair, shape (n, 2)."""
         return self.checked.pairs
@@ -234,21 +319,27 @@ class ClearanceChecker(OneLine):
         return nearest, least_m
 
     def _facts(self) -> tuple[str, ...]:
-        return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
+        return *map(repr, self.arms), f"{count(len(self.pairs), 'pair')} of shapes"
 
 
 def _check_situation(
-    arm: Arm, scene: Scene, touchable: str | None, held: Attachment | None
+    arms: tuple[Arm, ...], scene: Scene, touchable: str | None, held: tuple[Attachment, ...]
 ) -> None:
     expect(scene, Scene, "scene", SceneError)
+    sides = [arm.side for arm in arms]
     if touchable is not None:
         _ = scene[touchable]  # refuses an unknown body
-    if held is None:
-        return
-    _ = scene[expect(held, Attachment, "held", SceneError).body]
-    if held.side != arm.side:
-        raise SceneError(
-            f"{held.body!r} is in the {held.side} hand; the {arm.side} arm cannot carry it"
-        )
-    if touchable == held.body:
-        raise SceneError(f"{held.body!r} is in the hand; it cannot be the touchable body as well")
+        if len(sides) > 1:
+            raise SceneError(f"both arms move; only the hand of one may touch {touchable!r}")
+    for each in held:
+        _ = scene[each.body]
+        if each.side not in sides:
+            raise SceneError(
+                f"{each.body!r} is in the {each.side} hand; the {sides[0]} arm cannot carry it"
+            )
+        if touchable == each.body:
+            raise SceneError(
+                f"{each.body!r} is in the hand; it cannot be the touchable body as well"
+            )
+    if len({each.side for each in held}) < len(held):
+        raise SceneError("a hand holds one body at most")

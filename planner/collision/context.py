@@ -1,4 +1,4 @@
-"""CollisionContext: one arm in one situation, with the free configurations and clear motions there.
+"""CollisionContext: one arm in one situation, or both, and what is free and clear there.
 
 A search for a path tests some thousand configurations, so `is_free` gives a mere yes or no:
 Pinocchio moves coal's shapes, a tree of their bounding boxes (broad phase) leaves few pairs to
@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin import Arm
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.validation import FloatArray, expect, finite_array, float_array
@@ -41,14 +42,14 @@ NEAR_RAD = 100.0
 
 
 class CollisionContext(OneLine):
-    """One arm in one situation, and the distance that it keeps.
+    """One arm in one situation, or both arms, and the distance that they keep.
 
     The checker defines the pairs of shapes, the intended contacts and their allowed depths; a
     configuration is free exactly where all other pairs are farther apart than the margin. Not to be
     shared between threads.
 
     Attributes:
-        checker: of the arm that moves, in the situation.
+        checker: of the arms that move, in the situation.
         margin_m: distance that everything keeps, intended contacts excluded.
     """
 
@@ -73,9 +74,22 @@ class CollisionContext(OneLine):
         self._where = np.array(checker.shapes.robot.indices(checker.mover.joint_names))
 
     @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that move: one, or the left and the right."""
+        return self.checker.arms
+
+    @property
     def joints(self) -> int:
         """Number of joints that move, J."""
         return len(self._where)
+
+    def alone(self, side: str, q_other: FloatArray | None = None) -> CollisionContext:
+        """The context of one of two arms, as of `ClearanceChecker.alone`."""
+        checker, q_full = self.checker.alone(side, q_other), self._q_full.copy()
+        if q_other is not None:
+            is_other = [not name.startswith(side) for name in self.checker.mover.joint_names]
+            q_full[self._where[is_other]] = q_other
+        return CollisionContext(checker, q_full, margin_m=self.margin_m)
 
     @property
     def q_others(self) -> FloatArray:
@@ -112,13 +126,17 @@ class CollisionContext(OneLine):
         is_candidate = looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
         return is_candidate and self.prove(trajectory).is_clear
 
-    def with_margin(self, margin_m: float, *ends: ArrayLike) -> CollisionContext:
+    def with_margin(
+        self, margin_m: float, *ends: ArrayLike, only_between_arms: bool = False
+    ) -> CollisionContext:
         """The same context with another margin.
 
         Args:
             margin_m: distance to keep, not negative.
             ends: free configurations, each of shape (7,), rad, that remain free: two shapes nearer
                 there than the margin keep `KEPT_SHARE` of that distance instead.
+            only_between_arms: whether `is_free` tests nothing but one arm against the other, each
+                with what it holds.
 
         Raises:
             MotionError: when the margin is not a number, or negative.
@@ -126,8 +144,13 @@ class CollisionContext(OneLine):
         """
         other = CollisionContext(self.checker, self._q_full, margin_m=margin_m)
         full_ends = [self._full(q).copy() for q in ends]
+        left_out: list[int] = []
+        if only_between_arms:
+            left_out = np.flatnonzero(~self.checker.is_between_arms).tolist()
+            other._touches = Touches(self.checker, margin_m, left_out=left_out)
         if any(other._touches(end) for end in full_ends):
-            other._touches = Touches(self.checker, margin_m, self._nearest(full_ends, margin_m))
+            nearest_m = self._nearest(full_ends, margin_m)
+            other._touches = Touches(self.checker, margin_m, nearest_m, left_out)
         return other
 
     def obstacles(self, margin_m: float, resting: ArrayLike) -> Obstacles:

@@ -315,7 +315,7 @@ def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:
     if moves != names:
         raise TrajectoryError(
             f"the motion is of {', '.join(moves)}; the situation is that of the "
-            f"{checker.arm.side} arm, of {', '.join(names)}"
+            f"{' and the '.join(arm.side for arm in checker.arms)} arm, of {', '.join(names)}"
         )
     farthest = float(np.abs(np.concatenate(trajectory.position_extrema())).max())
     if farthest > MAX_JOINT:

@@ -7,7 +7,7 @@ must not be used afterwards, because adding shapes to a model in use corrupts it
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -46,11 +46,18 @@ class ShapePairsBuilder:
         shapes: number of a whole part of a body -> its shape.
     """
 
-    def __init__(self, shapes: RobotShapes, arm: Arm) -> None:
-        """Begin with the pairs of an arm and its robot."""
-        self._robot, self._arm = shapes, arm
+    def __init__(self, shapes: RobotShapes, *arms: Arm, ignored: Set[int] = frozenset()) -> None:
+        """Begin with the pairs of one arm or more and their robot.
+
+        Args:
+            shapes: the robot's shapes.
+            arms: the arms that move.
+            ignored: numbers of the robot's shapes that are not checked against anything.
+        """
+        self._robot, self._arms, self._ignored = shapes, arms, ignored
         self.geometry: pin.GeometryModel = shapes.model.copy()
-        self.pairs: list[tuple[int, int]] = list(shapes.pairs_of(arm))
+        own = dict.fromkeys(pair for arm in arms for pair in shapes.pairs_of(arm))
+        self.pairs: list[tuple[int, int]] = [pair for pair in own if ignored.isdisjoint(pair)]
         self.link_shapes: list[LinkShape] = list(shapes.made)
         self.min_distances_m: dict[int, float] = {}
         self._part_of: dict[int, int] = {}  # number of a body's shape -> number of its part
@@ -60,11 +67,11 @@ class ShapePairsBuilder:
     def add_scene(
         self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Supports
     ) -> dict[str, list[int]]:
-        """Add bodies that do not move, and their pairs with the arm.
+        """Add bodies that do not move, and their pairs with the arms.
 
         Args:
             scene: the bodies.
-            touchable: name of the body that the hand may come near.
+            touchable: name of the body that the hands may come near.
             may_press: whether the pads may touch it.
             supports: what a held or pushed body may touch.
 
@@ -72,15 +79,18 @@ class ShapePairsBuilder:
             The numbers of each body's shapes.
         """
         supporting = _names_of(supports)
-        shapes, arm = self._robot, self._robot.of_arm(self._arm)
-        hand, pads = shapes.of_hand(self._arm), shapes.of_pads(self._arm)
+        shapes, none = self._robot, frozenset[int]()
+        moving, hand, pads = (
+            none.union(*map(of, self._arms))
+            for of in (shapes.of_arm, shapes.of_hand, shapes.of_pads)
+        )
         added = {}
         for body in scene:
             is_near = body.name == touchable
-            of_arm = sorted(arm & (shapes.details if is_near else shapes.wholes))
+            of_arms = sorted(moving & (shapes.details if is_near else shapes.wholes))
             in_pieces = is_near or body.name in supporting
             added[body.name] = self._add(body, 0, body.T_base_body, in_pieces=in_pieces)
-            for index, other in product(added[body.name], of_arm):
+            for index, other in product(added[body.name], of_arms):
                 min_distance_m = None
                 if is_near and other in hand:
                     min_distance_m = -PRESSING_TOLERANCE_M if may_press and other in pads else 0.0
@@ -88,20 +98,32 @@ class ShapePairsBuilder:
         return added
 
     def add_held(
-        self, body: Body, T_tip_body: pin.SE3, bodies: Mapping[str, list[int]], supports: Supports
-    ) -> None:
-        """Add the held body, and its pairs with the robot and with other bodies.
+        self,
+        body: Body,
+        T_tip_body: pin.SE3,
+        bodies: Mapping[str, list[int]],
+        supports: Supports,
+        hands: Sequence[Arm] = (),
+    ) -> list[int]:
+        """Add a held body, and its pairs with the robot and with other bodies.
 
         Args:
             body: the body.
-            T_tip_body: its pose seen from the tip.
+            T_tip_body: its pose seen from the tip of the first hand that holds it.
             bodies: the numbers of the other bodies' shapes.
             supports: what it may touch.
+            hands: the arms whose hands hold it; by default, the only arm.
+
+        Returns:
+            The numbers of its shapes.
         """
+        hands = hands or self._arms
         in_pieces = not _names_of(supports).isdisjoint(bodies)
-        links = self._robot.wholes - self._robot.of_hand(self._arm)
-        for index in self.add_to(self._arm.tip_frame, body, T_tip_body, in_pieces=in_pieces):
+        links = self._robot.wholes.difference(self._ignored, *map(self._robot.of_hand, hands))
+        added = self.add_to(hands[0].tip_frame, body, T_tip_body, in_pieces=in_pieces)
+        for index in added:
             self.pair_with_all(index, links, bodies, supports)
+        return added
 
     def add_to(
         self, link: str, body: Body, T_link_body: pin.SE3, *, in_pieces: bool = False

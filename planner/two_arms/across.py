@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -38,7 +37,6 @@ from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.mover import Mover
 from planner.collision.obstacles import Obstacles
 from planner.collision.proof import prove_clear
 from planner.collision.robot.robot_shapes import RobotShapes
@@ -178,7 +176,7 @@ class BetweenArms(ClearanceChecker):
         """
         arms = tuple(manipulators[side].arm for side in LIMBS)
         self._both = shapes, manipulators, states
-        self.arm, self.shapes, self.contacts = arms[0], shapes, ()
+        self.arms, self.shapes, self.contacts = arms, shapes, ()
         self.robot = shapes.robot.model
         self._hulls = {}
         builder = ShapePairsBuilder(shapes, arms[0])
@@ -208,11 +206,6 @@ class BetweenArms(ClearanceChecker):
 
     def __reduce__(self):  # type: ignore[no-untyped-def]
         return BetweenArms, self._both
-
-    @cached_property
-    def mover(self) -> Mover:
-        """Both arms."""
-        return Mover.of(*(self.shapes.robot.arm(side) for side in LIMBS))
 
 
 def _added(

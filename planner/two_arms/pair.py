@@ -32,9 +32,8 @@ from planner.collision.context import CollisionContext
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.plan import Move, Plan
-from planner.two_arms.arm_cycle import ArmCycle, other_than
 from planner.two_arms.plan import TwoArmPlan, begins_of, duration_of
-from planner.two_arms.problem import NOT_PROVEN, Problem, StepSequence
+from planner.two_arms.problem import NOT_PROVEN, ArmCycle, Problem, StepSequence, other_than
 from planner.two_arms.program import SCAN_STEP_S, ArmTrack, JointProgram, Timed
 
 logger = logging.getLogger(__name__)

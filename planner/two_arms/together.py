@@ -24,10 +24,9 @@ from planner.motion.paths.straight_line import (
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.state import State
-from planner.two_arms.arm_cycle import Requirements
 from planner.two_arms.pair import PairSearch
 from planner.two_arms.plan import TwoArmPlan
-from planner.two_arms.problem import Problem, StepSequence
+from planner.two_arms.problem import Problem, Requirements, StepSequence
 
 DEFAULT_GRIP_S = 0.5
 """Duration of a gripper action on the clock: the fingers' whole stroke takes 0.42 s."""

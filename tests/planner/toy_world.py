@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin import JointLimits
+from baxter_kin import Arm, JointLimits
 from planner.collision import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.obstacles import PAIRS, REACH_M, LinearBounds, Obstacles
@@ -75,6 +75,11 @@ class ToySpace(CollisionContext):
 
     things: tuple[Disc | Ring, ...]
     margin_m: float = 0.0
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """None: there is no tip."""
+        return ()
 
     @property
     def joints(self) -> int:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
@@ -76,6 +77,14 @@ def _eased(t: FloatArray) -> FloatArray:
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
+class FollowedLine(Protocol):
+    """Poses of a tip by a fraction, 0..1, such as those of a straight line."""
+
+    def error(self, s: float, T_base_tip: pin.SE3, /) -> FloatArray:
+        """Twist from a pose to that at s, shape (6,), m and rad, in base."""
+        ...
+
+
 class LineFollowed(NamedTuple):
     """The part of a line that an arm can follow.
 
@@ -94,7 +103,7 @@ def follow(
     arm: Arm,
     limits: JointLimits,
     q: FloatArray,
-    line: StraightLine,
+    line: FollowedLine,
     fractions: Sequence[float],
     *,
     min_stride: float = MIN_STRIDE,
@@ -121,7 +130,7 @@ def follow(
 
 
 def _corrected(
-    arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, s: float
+    arm: Arm, limits: JointLimits, q: FloatArray, line: FollowedLine, s: float
 ) -> FloatArray | None:
     for _ in range(MAX_STEPS):
         error = line.error(s, arm.T_base_tip(q))

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
@@ -41,6 +42,7 @@ from planner.motion.program.rows import (
 )
 from planner.motion.program.tip_rows import (
     height_rows,
+    holding_rows,
     path_rows,
     speed_rows,
     tilt_rows,
@@ -76,6 +78,13 @@ factor of its reduction in each of the last half of the rounds."""
 MAX_ROUNDS_TO_CLEAR, MAX_FAILURES, SETTLED = 5, 1, 3e-3
 """Maximum number of rounds without a clear motion, and maximum number of failures; and share of its
 duration by which a clear motion must change for another round."""
+
+MAX_SHORT_ROUNDS, SHORT_TRUST_RAD, MIN_TRUST_RAD, ACCEPTED, REJECTED = 24, 0.2, 0.01, 1.5, 0.4
+"""Maximum number of rounds with short steps; initial and minimum change of a control in a round;
+and factors of it after a round with a clear motion, and after one that is rejected."""
+
+TOLERATED_M = 0.02
+"""Depth in an obstacle up to which a motion is accepted in between."""
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -147,6 +156,7 @@ class MotionProgram:
             height_rows(*given),
             tilt_rows(*given),
             tip_speed_rows(*given) if bounds_speed else None,
+            holding_rows(*given),
         ]
         rows = [each for each in parts if each is not None]
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
@@ -245,7 +255,10 @@ class MotionProgram:
                 values[controls[is_unknown]] = np.broadcast_to(bounds, controls.shape)[is_unknown]
         for phase, fractions in zip(self.phases, unknowns.fractions, strict=True):
             if fractions is not None:
-                low[fractions[[0, -1]]] = high[fractions[[0, -1]]] = phase.ends
+                first, last = phase.ends
+                low[fractions[0]] = high[fractions[0]] = first
+                given = fractions if phase.only_ends else fractions[-1]
+                low[given] = high[given] = last
         if task.near is not None:
             q, most_rad = task.near
             last = unknowns.controls[-1][-1]
@@ -266,8 +279,10 @@ class MotionProgram:
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.piece is not None and arm is not None:
-                tips = [arm.T_base_tip(q) for q in sketch.q]
-                x[fractions] = task.pieces[phase.piece].nearest_fractions(tips)
+                joints = len(arm.joint_names)
+                frame = pin.SE3.Identity() if task.T_tip_frame is None else task.T_tip_frame
+                poses = [arm.T_base_tip(q[:joints]) * frame for q in sketch.q]
+                x[fractions] = task.pieces[phase.piece].nearest_fractions(poses)
         return x
 
     def motions(
@@ -473,6 +488,45 @@ def led_around(
         )
         if is_hopeless or (led is not None and _is_good(clear_motions, enough_s)):
             break
+    return clear_motions
+
+
+def led_along(
+    solve: Solve,
+    obstacles: Sequence[Obstacles],
+    sketches: Sequence[Sketch],
+    *,
+    enough_s: float = 0.0,
+) -> list[Motions]:
+    """The same from sketches that are clear or nearly so, with steps that keep motions clear.
+
+    A motion that is deeper in an obstacle than `TOLERATED_M`, and deeper than the one before, is
+    rejected, and the trust region is reduced. Among narrow obstacles, bounds on distances hold for
+    small changes only; this takes more rounds than `led_around`.
+    """
+    clear_motions: list[Motions] = []
+    trust_rad, bounds = SHORT_TRUST_RAD, _bounds(obstacles, sketches)
+    excess_m = min(each.excess_m for each in bounds)
+    for _ in range(MAX_SHORT_ROUNDS):
+        led = solve(sketches, Clearances(bounds, trust_rad))
+        is_accepted, is_clear = False, False
+        if led is not None:
+            nearer = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
+            bounds_there = _bounds(obstacles, nearer)
+            excess_there_m = min(each.excess_m for each in bounds_there)
+            is_clear = excess_there_m > -MARGIN_TOLERANCE_M
+            is_accepted = excess_there_m > min(excess_m, -TOLERATED_M)
+        if not is_accepted:
+            trust_rad *= REJECTED
+            if trust_rad < MIN_TRUST_RAD:
+                break
+            continue
+        sketches, bounds, excess_m = nearer, bounds_there, excess_there_m
+        if led is not None and is_clear:
+            trust_rad = min(TRUST_RAD, trust_rad * ACCEPTED)
+            clear_motions.insert(0, led)
+            if _is_good(clear_motions, enough_s):
+                break
     return clear_motions
 
 

@@ -13,7 +13,7 @@ where a C compiler is found, compiled once for all robots.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -26,7 +26,9 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.motion.paths.straight_line import Turn
 from planner.motion.program.rows import Rows, SparseSum, constant
 from planner.motion.program.unknowns import (
+    GEOMETRY_NUMBERS,
     PIECE_NUMBERS,
+    POSE_NUMBERS,
     TILT_NUMBERS,
     Numbers,
     Phase,
@@ -61,6 +63,7 @@ class _Constraints(NamedTuple):
         scale: factors of the values, a column for each.
         low: lower bounds of the products, concatenated.
         high: upper bounds, likewise.
+        geometry: of the arms; by default that of the first.
     """
 
     knots: Sequence[_Knot]
@@ -69,6 +72,7 @@ class _Constraints(NamedTuple):
     scale: ca.MX
     low: FloatArray
     high: FloatArray
+    geometry: ca.MX | None = None
 
 
 def path_rows(
@@ -88,7 +92,7 @@ def path_rows(
         for k, phase in enumerate(phases)
         if phase.piece is not None
         for i in range(phase.intervals + 1)
-        if i > 0 or not _continues(phases, k)
+        if i == phase.intervals or not (phase.only_ends or (i == 0 and _continues(phases, k)))
     ]
     if not knots:
         return None
@@ -182,15 +186,42 @@ def tilt_rows(
     return _rows(constraints, unknowns, x, numbers)
 
 
+def holding_rows(
+    phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
+) -> Rows | None:
+    """Errors of the relative pose of two tips, as shares of the tolerance, or zero.
+
+    They are zero at the end of each phase. None where no phase holds a relative pose.
+    """
+    knots = [
+        _Knot(k, i, 0, i == phase.intervals)
+        for k, phase in enumerate(phases)
+        if phase.holds
+        for i in range(1, phase.intervals + 1)
+    ]
+    if not knots:
+        return None
+    sizes = np.cumsum([0, GEOMETRY_NUMBERS + POSE_NUMBERS, POSE_NUMBERS, 2]).tolist()
+    other, held, tolerance = ca.vertsplit(numbers.holding, sizes)
+    shares = ca.vertcat(*[1 / tolerance[0]] * 3, *[1 / tolerance[1]] * 3)
+    scale = ca.horzcat(*(ca.MX.ones(6) if k.is_exact else shares for k in knots))
+    high = np.repeat([0.0 if knot.is_exact else 1.0 for knot in knots], 6)
+    parameters = ca.repmat(held, 1, len(knots))
+    geometry = ca.vertcat(numbers.geometry, other)
+    constraints = _Constraints(knots, holding(), parameters, scale, -high, high, geometry)
+    return _rows(constraints, unknowns, x, numbers)
+
+
 def _rows(constraints: _Constraints, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
     """The products, with derivatives by the controls and fractions."""
     functions, scale, count = constraints.functions, constraints.scale, len(constraints.knots)
     size, inputs = functions.value.size1_out(0), functions.value.size1_in(0)
-    columns, weights = _inputs(constraints.knots, unknowns, inputs)
+    columns, weights = _inputs(constraints.knots, unknowns, functions)
     y = ca.vertcat(x, numbers.q_ends)  # no constraint is at the start of a moving arm
     rows = np.repeat(np.arange(count * inputs), columns.shape[2])
     sums = constant(rows, columns.ravel(), weights.ravel(), (count * inputs, y.shape[0]))
-    arguments = ca.reshape(sums @ y, inputs, count), constraints.parameters, numbers.geometry
+    geometry = numbers.geometry if constraints.geometry is None else constraints.geometry
+    arguments = ca.reshape(sums @ y, inputs, count), constraints.parameters, geometry
 
     def mapped(function: ca.Function) -> ca.Function:
         return function.map(f"{function.name()}_{count}", "serial", count, [2], [])
@@ -232,13 +263,15 @@ def _sums(columns: Indices, weights: FloatArray, size: int) -> tuple[SparseSum, 
     return jacobian, hessian
 
 
-def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, FloatArray]:
+def _inputs(
+    knots: Sequence[_Knot], unknowns: Unknowns, functions: NodeFunctions
+) -> tuple[Indices, FloatArray]:
     """The unknowns that form each knot's inputs, and weights: two of shape (knots, inputs, 3).
 
-    The inputs are the joint angles; or these and the fraction; or these, one or two derivatives by
-    the fraction of the duration, and the duration.
+    The inputs are the joint angles, of the first arm or of both; or these and the fraction; or
+    these, one or two derivatives by the fraction of the duration, and the duration.
     """
-    joints = unknowns.joints
+    joints, inputs = functions.joints, functions.value.size1_in(0)
     shape, orders = (len(knots), inputs, 3), max(1, inputs // joints)
     columns, weights = np.zeros(shape, dtype=np.intp), np.zeros(shape)
     for row, knot in enumerate(knots):
@@ -246,7 +279,7 @@ def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[In
         fractions, intervals = unknowns.fractions[knot.phase], len(controls) - 3
         for order in range(orders):
             angles = slice(joints * order, joints * (order + 1))
-            columns[row, angles] = controls[knot.place : knot.place + 3].T
+            columns[row, angles] = controls[knot.place : knot.place + 3, :joints].T
             weights[row, angles] = AT_KNOT[order] * intervals**order
         if inputs % joints and fractions is not None:
             of_phase = unknowns.durations[knot.phase]
@@ -263,11 +296,13 @@ class NodeFunctions:
         value: `(z, numbers, geometry) -> e`.
         first: `(z, numbers, geometry) -> de/dz`, dense.
         second: `(z, numbers, geometry, multipliers) -> d2(multipliers . e)/dz2`, dense.
+        joints: number of joint angles that begin z; derivatives of as many may follow.
     """
 
     value: ca.Function
     first: ca.Function
     second: ca.Function
+    joints: int = field(default=7, kw_only=True)
 
     @property
     def all(self) -> tuple[ca.Function, ca.Function, ca.Function]:
@@ -399,6 +434,30 @@ def leaning() -> NodeFunctions:
     functions = NodeFunctions.of("leaning", e, q, numbers, geometry)
     machine_code = compiled(list(functions.all))
     return functions if machine_code is None else NodeFunctions(*machine_code)
+
+
+@cache
+def holding() -> NodeFunctions:
+    """Error of the second tip's pose seen from the first: z is q of both arms, e is 6 x 1, m, rad.
+
+    The rotation is given by the sine of its angle, about the axes of the held pose. Numbers are
+    that pose; the geometry is that of both arms, and the pose of the second arm's first axis seen
+    from the first arm's.
+    """
+    (q, p, R, geometry), (q_other, p_other, R_other, geometry_other) = _tip(), _tip()
+    mount, held = ca.SX.sym("mount", POSE_NUMBERS), ca.SX.sym("held", POSE_NUMBERS)
+    R_mount = ca.reshape(mount[3:], 3, 3)
+    away = R.T @ (mount[:3] + R_mount @ p_other - p)
+    E = ca.reshape(held[3:], 3, 3).T @ R.T @ R_mount @ R_other
+    skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    functions = NodeFunctions.of(
+        "holding",
+        ca.vertcat(away - held[:3], skew),
+        ca.vertcat(q, q_other),
+        held,
+        ca.vertcat(geometry, geometry_other, mount),
+    )
+    return replace(functions, joints=14)
 
 
 def _above() -> NodeFunctions:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.kinematics.dh_parameters import DHParameters
@@ -24,6 +25,13 @@ TILT_NUMBERS = 4
 
 GEOMETRY_NUMBERS = 31 + 9 + 4
 """Dimensions of the chain, rotation of the tip, direction and offset of the vertical."""
+
+POSE_NUMBERS = 12
+"""Position, and rotation by columns."""
+
+HOLDING_NUMBERS = GEOMETRY_NUMBERS + POSE_NUMBERS + POSE_NUMBERS + 2
+"""The second arm's geometry, the pose of its first axis seen from the first arm's, the relative
+pose that is held, and the tolerance of that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,18 +102,20 @@ class Numbers:
         rates: where a line is entered and left at speed, 4 x 1.
         heights: m, one for each phase with a minimum height.
         tilt: the axis that stays upright and 1 - cos of its maximum tilt, 4 x 1.
+        holding: `holding_numbers`, in programs with a phase that holds a relative pose.
         pieces: `piece_numbers` of each.
     """
 
     def __init__(self, phases: Sequence[Phase], joints: int) -> None:
         pieces = 1 + max((phase.piece for phase in phases if phase.piece is not None), default=-1)
         heights = sum(phase.keeps_height for phase in phases)
-        few = GEOMETRY_NUMBERS, 2, 1, 4, heights, TILT_NUMBERS
+        holding = HOLDING_NUMBERS if any(phase.holds for phase in phases) else 0
+        few = GEOMETRY_NUMBERS, 2, 1, 4, heights, TILT_NUMBERS, holding
         sizes = [2 * joints, 2 * joints, 3 * joints, *few, *[PIECE_NUMBERS] * pieces]
         self.all = ca.MX.sym("numbers", sum(sizes))
         parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
         self.q_ends, self.rates_start, self.limits, self.geometry, self.tolerance, *parts = parts
-        self.speed, self.rates, self.heights, self.tilt, *self.pieces = parts
+        self.speed, self.rates, self.heights, self.tilt, self.holding, *self.pieces = parts
 
 
 def numbers_of(
@@ -116,14 +126,18 @@ def numbers_of(
     Times are in units of `unit_s`.
     """
     pieces = [piece_numbers(piece, arm, task.axis) for piece in task.pieces if arm is not None]
-    geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm, task.axis)
+    geometry, holding = np.zeros(GEOMETRY_NUMBERS), np.zeros(0)
+    if arm is not None:
+        geometry = geometry_numbers(arm, task.axis, task.T_tip_frame)
+        if task.holding is not None:
+            holding = holding_numbers(arm, task.holding)
     bounds = limits.v_max * unit_s, limits.a_max * unit_s**2, limits.j_max * unit_s**3
     still = np.zeros_like(task.q_start)
     moving = (still, still) if task.start_rates is None else task.start_rates
     start = moving[0] * unit_s, moving[1] * unit_s**2
     rates = np.array(task.rates) * np.tile([unit_s, unit_s**2], 2)
     few = np.array([*task.tolerance, task.speed_m_s * unit_s, *rates, *task.heights_m, *task.tilt])
-    return np.concatenate([*ends_of(task), *start, *bounds, geometry, few, *pieces])
+    return np.concatenate([*ends_of(task), *start, *bounds, geometry, few, holding, *pieces])
 
 
 def ends_of(task: MotionTask) -> tuple[FloatArray, FloatArray]:
@@ -147,6 +161,9 @@ class Phase(NamedTuple):
             phase.
         may_sink: whether a phase without a line has no minimum height.
         keeps_upright: whether the axis of the task stays upright at the knots in between.
+        only_ends: whether the tip is on the piece at the end of the phase only.
+        holds: whether the tips of two arms keep a relative pose at the knots, and exactly at the
+            end.
     """
 
     intervals: int
@@ -159,6 +176,8 @@ class Phase(NamedTuple):
     is_moving: bool = False
     may_sink: bool = False
     keeps_upright: bool = False
+    only_ends: bool = False
+    holds: bool = False
 
     @property
     def keeps_height(self) -> bool:
@@ -166,12 +185,26 @@ class Phase(NamedTuple):
         return self.piece is None and not self.at_goal and not self.may_sink
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionTask:
-    """The parameters of a problem.
+class Holding(NamedTuple):
+    """The relative pose that two arms keep.
 
     Attributes:
-        q_start: initial configuration, shape (7,), rad.
+        other: the second arm; its joints follow those of the first.
+        T_frame_tip: pose of its tip, seen from the frame of the first arm that follows pieces.
+        tolerance: at the knots, along and about each axis, m and rad.
+    """
+
+    other: Arm
+    T_frame_tip: pin.SE3
+    tolerance: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionTask:
+    """The parameters of a problem; with two arms, pieces, heights and tilt are those of the first.
+
+    Attributes:
+        q_start: initial configuration, shape (7,) or, with two arms, (14,), rad.
         pieces: those of the phases, by their numbers.
         tolerance: of the pieces, at the knots, along and about each axis, m and rad.
         heights_m: minimum height of the tip in base, for each phase that keeps one.
@@ -186,6 +219,9 @@ class MotionTask:
             and 1 - cos of its maximum tilt.
         near: a configuration, shape (7,), rad, and the maximum distance of each joint from it at
             the end, where the arm rests; None for any end.
+        T_tip_frame: pose of the frame that follows pieces and stays upright, seen from the tip; by
+            default, the tip itself.
+        holding: the relative pose of phases that hold one.
     """
 
     q_start: FloatArray
@@ -199,6 +235,8 @@ class MotionTask:
     axis: str = "z"
     tilt: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     near: tuple[FloatArray, float] | None = None
+    T_tip_frame: pin.SE3 | None = None
+    holding: Holding | None = None
 
 
 def piece_numbers(piece: Piece, arm: Arm, axis: str = "z") -> FloatArray:
@@ -218,9 +256,22 @@ _AS_Z = {axis: np.roll(np.eye(3), "zyx".index(axis), axis=1) for axis in "xyz"}
 """Rotations whose third column is x, y or z."""
 
 
-def geometry_numbers(arm: Arm, axis: str = "z") -> FloatArray:
-    """The parameters of an arm, shape (44,); the z axis of its tip is `axis` of the tip."""
+def geometry_numbers(arm: Arm, axis: str = "z", T_tip_frame: pin.SE3 | None = None) -> FloatArray:
+    """The parameters of an arm, shape (44,); the z axis of its tip is `axis` of the tip.
+
+    The tip may be replaced by a frame that is fixed to it.
+    """
     dh = _parameters(arm)
+    if T_tip_frame is not None:
+        dh = replace(dh, T_last_tip=dh.T_last_tip * T_tip_frame)
     up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
     R_tip = dh.T_last_tip.rotation @ _AS_Z[axis]
     return np.concatenate([dimensions_of(dh), R_tip.ravel("F"), up])
+
+
+def holding_numbers(arm: Arm, holding: Holding) -> FloatArray:
+    """The parameters of a relative pose, shape (70,)."""
+    first, other = (_parameters(each).T_base_first for each in (arm, holding.other))
+    poses = first.inverse() * other, holding.T_frame_tip
+    numbers = [np.append(T.translation, T.rotation.ravel("F")) for T in poses]
+    return np.concatenate([geometry_numbers(holding.other), *numbers, holding.tolerance])

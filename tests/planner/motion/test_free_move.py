@@ -16,7 +16,8 @@ from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.collision.context import looks_clear, sample_times
 from planner.collision.proof import prove_clear
 from planner.errors import FreeMoveError, MotionError
-from planner.motion.free_move import MAX_SEARCHES, IsClear, plan_free_move
+from planner.motion.free_move import plan_free_move
+from planner.motion.free_search import MAX_SEARCHES, IsClear
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world
 from tests.planner.ompl import needs_ompl
@@ -77,7 +78,8 @@ def test_it_is_hardly_slower_than_the_straight_line() -> None:
 
 @needs_ompl
 def test_where_the_program_fails_it_stops_at_corners(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.motion.free_move.led_around", lambda *_, **__: [])
+    for lead in ("led_around", "led_along"):
+        monkeypatch.setattr(f"planner.motion.free_search.{lead}", lambda *_, **__: [])
     motion = plan()
 
     qs = motion.sample(sample_times(motion, 5e-4)).q
