@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from planner.manipulator import Manipulator as Manipulator
     from planner.motion.free_move import plan_free_move as plan_free_move
     from planner.motion.joint_move import plan_joint_move as plan_joint_move
+    from planner.motion.paths.deviation import FollowedPath as FollowedPath
     from planner.motion.paths.path import Arc as Arc
     from planner.motion.paths.path import Curve as Curve
     from planner.motion.paths.path import Polyline as Polyline
@@ -87,6 +88,7 @@ __all__, __getattr__ = lazy(
         "Contact": "planner.scene.contact",
         "Curve": "planner.motion.paths.path",
         "Cylinder": "planner.scene.bodies",
+        "FollowedPath": "planner.motion.paths.deviation",
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",

@@ -27,6 +27,7 @@ from baxter_kin.validation import (
 from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousProof, least
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
+from planner.motion.paths.deviation import FollowedPath
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.motion.response import Response
 from planner.scene.contact import Contact
@@ -90,6 +91,7 @@ class Move:
         clearance: the smallest distance found on the way, where it was checked.
         proof: the proof that the whole motion is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
+        path: the path that the tip follows (`plan_path_move`); None for other moves.
         state: robot and bodies at its beginning; None in a plan that is not complete.
         contacts: intended contacts during the move.
         claims: further properties that it is stated to have.
@@ -102,6 +104,7 @@ class Move:
     clearance: Clearance | None = None
     proof: ContinuousProof | None = None
     is_straight: bool = False
+    path: FollowedPath | None = None
     state: State | None = None
     contacts: tuple[Contact, ...] = ()
     claims: tuple[Claim, ...] = ()
@@ -130,7 +133,7 @@ class Move:
         return f"{self.ik.label}{moved}"
 
     def _facts(self) -> tuple[str, ...]:
-        straight = "straight" if self.is_straight else ""
+        straight = "straight" if self.is_straight else "along a path" if self.path else ""
         proven = "" if self.proof is None else clear(self.proof.proven_m)
         return phrase(self.label), seconds(self.trajectory.duration), straight, proven
 

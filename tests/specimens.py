@@ -44,6 +44,7 @@ PATHS = (
     planner.Arc(FAR, FAR.translation + np.eye(3)[0], np.eye(3)[2], 1.0),
     planner.Curve(curve, 0.1),
 )
+FOLLOWED = planner.FollowedPath(tuple(PATHS[0].pieces()), np.ones(1), speed_m_s=0.1)
 
 
 def specimens_of(
@@ -99,7 +100,7 @@ def specimens_of(
         "space": (space, space.with_margin(0.001)),
         "path": (
             *PATHS,
-            planner.PathMove(planner.plan_joint_move(q, q + 0.1, arm.limits), (), np.ones(1)),
+            planner.PathMove(planner.plan_joint_move(q, q + 0.1, arm.limits), FOLLOWED),
         ),
         "line": (
             planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)),

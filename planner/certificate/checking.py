@@ -113,8 +113,9 @@ class Certified:
         rows: number of rows that were checked.
         bare: links of the robot without a shape, for which no clearance is certified.
         worst: upper bounds on other quantities by name, m and rad, each with where it occurs:
-            "distance from line", "turn from line", "held bodies off their hands", "gap of closed
-            pads", "slide in contact" and "drop at release"; only those that the plan has.
+            "distance from line", "turn from line", "distance from path", "turn from path", "held
+            bodies off their hands", "gap of closed pads", "slide in contact" and "drop at release";
+            only those that the plan has.
         assumed: assumptions of the caller of a motion, as phrases.
         not_judged: quantities of a motion whose limits were not judged.
     """

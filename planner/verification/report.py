@@ -194,19 +194,27 @@ def _fingers(plan: Plan, robot: Robot) -> Iterator[Check]:
 def _certified(plan: Plan, certified: Certified | None) -> Iterator[Check]:
     """The checker's results: upper bounds on errors, and clearances of all steps."""
     line = plan.line_tolerance
+    paths = {move.label: move.path.tolerance for move in plan.moves if move.path is not None}
+    worst = {} if certified is None else certified.worst
+    on_path, turn_on_path = (
+        paths.get(worst[name][1], line) if name in worst else line
+        for name in ("distance from path", "turn from path")
+    )
     bounds = {
         "distance from line": (line.position_m, "m", "no straight moves"),
         "turn from line": (line.rotation_rad, "rad", "no straight moves"),
+        "distance from path": (on_path.position_m, "m", "no paths"),
+        "turn from path": (turn_on_path.rotation_rad, "rad", "no paths"),
         "held bodies off their hands": (PRESS_M, "m", "nothing is held at first"),
         "gap of closed pads": (TOUCH_M, "m", "no grasp"),
         "drop at release": (DROP_M, "m", "no release"),
         "slide in contact": (SLIDE_M, "m", "no held body touches anything"),
     }
     for name, (bound, unit, nothing) in bounds.items():
-        worst = Worst(math.nan, NOT_CERTIFIED)
-        if certified is not None:
-            worst = Worst(*certified.worst.get(name, (0.0, nothing)))
-        yield worst.at_most(bound, name, unit)
+        found = Worst(*worst.get(name, (0.0, nothing)))
+        if certified is None:
+            found = Worst(math.nan, NOT_CERTIFIED)
+        yield found.at_most(bound, name, unit)
     kinds = {
         "clearance": "no moves",
         "clearance of fingers": "no gripper action",

@@ -16,7 +16,7 @@ from planner.certificate.intervals import Array, Pose, norm_bound
 from planner.certificate.motion import LIMIT_RATIO, MAX_JUMP, Polynomials, stated_limits
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.rows import Step
-from planner.certificate.timeline import contact, pairs, tip
+from planner.certificate.timeline import contact, pairs, path, tip
 from planner.certificate.timeline.bodies import (
     MAX_BODIES,
     PRESS_M,
@@ -302,9 +302,13 @@ class Timeline:
         tip.require_goal(self.robot, motion, step["T_base_tip"], label)
         if step["is_straight"] and motion.duration_s > 0.0:
             tolerance = self._plan["line_tolerance"]
-            off_m, turn = tip.line_deviation(self.robot, motion, tolerance, label)
+            off_m, turn = path.line_deviation(self.robot, motion, tolerance, label)
             self._note("distance from line", label, off_m)
             self._note("turn from line", label, turn)
+        if step.get("path") is not None:
+            off_m, turn = path.path_deviation(self.robot, motion, step["path"], label)
+            self._note("distance from path", label, off_m)
+            self._note("turn from path", label, turn)
 
     def _require_claim(
         self, claim: Mapping[str, Any], motion: Polynomials, now: Situation, label: str

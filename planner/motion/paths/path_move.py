@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.display import position, seconds
-from baxter_kin.fields import array, evolve, frozen, sequence
+from baxter_kin.fields import evolve, frozen
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, expect, finite_array, positive_scalar
 from planner.collision.context import CollisionContext
@@ -16,7 +16,7 @@ from planner.errors import MotionError, PathMoveError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import checked_start
 from planner.motion.paths.chain import NoChain, find_chain
-from planner.motion.paths.deviation import Deviations, deviations
+from planner.motion.paths.deviation import Deviations, FollowedPath, deviations
 from planner.motion.paths.path import TipPath, graded, pieces_of
 from planner.motion.paths.pieces import Piece
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
@@ -30,8 +30,9 @@ RAMP_M, SPEED_RAMP_M, RAMP_POWER = 0.008, 0.004, 0.4
 """Length of the pieces beside corners for the default tolerance, and where the speed is set; and
 the power of the tolerance with which it grows, since a larger one makes rounder corners."""
 
-SLOWER, SAMPLE_S = 0.98, 0.002
-"""A tip below this share of a set speed is slower; distance of the samples that show it."""
+SLOWER, SAMPLE_S = 0.985, 0.002
+"""A tip below this share of a set speed counts as slower, which leaves something of 2 % for what
+happens between samples; and the distance of the samples."""
 
 
 @frozen(error=MotionError)
@@ -40,22 +41,11 @@ class PathMove:
 
     Attributes:
         trajectory: of the joints.
-        pieces: of the path, in order.
-        ends_s: when the tip passes the end of each piece, shape (n,), s.
-        tolerance: maximum deviation of the tip from the path.
-        speed_m_s: the set speed of the tip; None for a motion as fast as the joints allow.
+        path: the pieces of the path, when the tip passes them, and how closely.
     """
 
     trajectory: Trajectory
-    pieces: tuple[Piece, ...] = sequence()
-    ends_s: FloatArray = array(None)
-    tolerance: LineTolerance = DEFAULT_TOLERANCE
-    speed_m_s: float | None = None
-
-    @property
-    def length_m(self) -> float:
-        """Length of the path."""
-        return sum(piece.length_m for piece in self.pieces)
+    path: FollowedPath
 
     def deviations(self, arm: Arm, times_s: ArrayLike) -> Deviations:
         """How far the tip is from the path at some times.
@@ -65,31 +55,11 @@ class PathMove:
             times_s: shape (m,), s, within the motion.
         """
         times = finite_array(times_s, (None,), "times_s", MotionError)
-        numbers = np.searchsorted(self.ends_s, times).clip(max=len(self.pieces) - 1)
         tips = arm.T_base_tips(self.trajectory.sample(times).q)
-        return deviations(self.pieces, self.tolerance, tips, numbers)
-
-    def slower_s(self, arm: Arm) -> tuple[tuple[float, float], ...]:
-        """When the tip is more than 2 % slower than the set speed: from when to when, s.
-
-        It is at the ends of the path, and where limits or corners do not allow the speed. Empty
-        without a set speed. Times are as close as samples 2 ms apart.
-        """
-        if self.speed_m_s is None:
-            return ()
-        motion = self.trajectory
-        times = np.linspace(0.0, motion.duration, 2 + int(motion.duration / SAMPLE_S))
-        positions = arm.T_base_tips(motion.sample(times).q)[:, :3, 3]
-        speeds = np.linalg.norm(np.gradient(positions, times, axis=0), axis=1)
-        is_slow = np.concatenate([[False], speeds < SLOWER * self.speed_m_s, [False]])
-        changes = np.flatnonzero(np.diff(is_slow.astype(np.int8)))
-        return tuple(
-            (float(times[first]), float(times[last - 1]))
-            for first, last in zip(changes[::2], changes[1::2], strict=True)
-        )
+        return self.path.deviations(tips, times)
 
     def _facts(self) -> tuple[str, ...]:
-        return f"{self.length_m:.3g} m", seconds(self.trajectory.duration)
+        return f"{self.path.length_m:.3g} m", seconds(self.trajectory.duration)
 
 
 def plan_path_move(
@@ -105,7 +75,8 @@ def plan_path_move(
     """A fast motion of the tip along a path, from rest to rest: a local optimum.
 
     At samples at most 2 ms apart there is a point of the path from which the tip is no farther than
-    the tolerance, in position and in rotation. Corners are rounded within it.
+    the tolerance, in position and in rotation. Corners are rounded within it. `verify` proves it
+    for every instant, of a plan with a `Move` that states the path.
 
     Args:
         manipulator: the arm whose tip moves.
@@ -114,7 +85,7 @@ def plan_path_move(
         path: a polyline, an arc or a curve of the tip, or several that follow one another.
         tolerance: maximum deviation of the tip; it may leave the rotation about an axis free.
         speed_m_s: speed that the tip keeps where limits and corners allow it
-            (`PathMove.slower_s`); as fast as possible when not given.
+            (`FollowedPath.slower_s`); as fast as possible when not given.
         stop_at_corners: whether the arm rests at corners instead of rounding them.
         context: the surroundings of the arm, of which the motion is proven to be clear.
 
@@ -146,18 +117,20 @@ def plan_path_move(
     motions = Windows(arm, limits, task, chain).motions()
     if len(motions) < len(pieces):
         raise _at_waypoint(pieces, len(motions), "no motion onwards is found")
-    move = PathMove(
-        joined(motions),
+    trajectory = joined(motions)
+    times = np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration / SAMPLE_S))
+    tips = arm.T_base_tips(trajectory.sample(times).q)
+    followed = FollowedPath(
         pieces,
         np.cumsum([motion.duration for motion in motions]),
         tolerance,
         speed_m_s,
+        _slower_s(times, tips, speed_m_s or 0.0),
     )
-    times = np.linspace(0.0, move.trajectory.duration, 2 + int(move.trajectory.duration / SAMPLE_S))
-    off = move.deviations(arm, times)
+    off = followed.deviations(tips, times)
     worst = int(off.share.argmax())
     if off.share[worst] > 1.0:
-        number = int(np.searchsorted(move.ends_s, times[worst]).clip(max=len(pieces) - 1))
+        number = int(np.searchsorted(followed.ends_s, times[worst]).clip(max=len(pieces) - 1))
         faster = "" if speed_m_s is None else " or another speed"
         raise _at_waypoint(
             pieces,
@@ -166,10 +139,19 @@ def plan_path_move(
             f"{off.off_rad[worst]:.3g} rad off; a larger tolerance{faster} may help",
         )
     if context is not None:
-        proof = context.prove(move.trajectory)
+        proof = context.prove(trajectory)
         if not proof.is_clear:
             raise MotionError(f"no motion along the path is proven clear: {proof}")
-    return move
+    return PathMove(trajectory, followed)
+
+
+def _slower_s(times_s: FloatArray, T_base_tips: FloatArray, speed_m_s: float) -> FloatArray:
+    """When the tip is below a speed by samples, shape (k, 2), s."""
+    speeds = np.linalg.norm(np.gradient(T_base_tips[:, :3, 3], times_s, axis=0), axis=1)
+    is_slow = np.concatenate([[False], speeds < SLOWER * speed_m_s, [False]])
+    changes = np.flatnonzero(np.diff(is_slow.astype(np.int8)))
+    first, last = (changes[::2] - 1).clip(min=0), changes[1::2].clip(max=len(times_s) - 1)
+    return np.stack([times_s[first], times_s[last]], axis=1)
 
 
 def _refuse_other_start(arm: Arm, q: FloatArray, piece: Piece, tolerance: LineTolerance) -> None:

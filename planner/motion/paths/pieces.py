@@ -5,6 +5,8 @@ A straight line is a piece, and so are an arc and a stretch of a curve, closely 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -121,20 +123,29 @@ class Piece:
     def nearest_fraction(self, T_base_tip: pin.SE3) -> float:
         """Fraction of the nearest position, 0..1; of a rotation in place, of the orientation."""
         T = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError)
-        if self.length_m < MIN_TRAVEL_M and self.angle_rad > MIN_LENGTH:
-            s = self.turn @ pin.log3(T.rotation @ self.T_base_start.rotation.T)
-            return float(np.clip(s / (self.turn @ self.turn), 0.0, 1.0))
-        return float(self.nearest_fractions(T.translation[None])[0])
+        return float(self.nearest_fractions([T])[0])
 
-    def nearest_fractions(self, positions: FloatArray) -> FloatArray:
+    def nearest_fractions(self, T_base_tips: Sequence[pin.SE3]) -> FloatArray:
+        """As `nearest_fraction`, of m poses: shape (m,)."""
+        if self.length_m < MIN_TRAVEL_M and self.angle_rad > MIN_LENGTH:
+            R_start = self.T_base_start.rotation.T
+            turned = np.array([pin.log3(T.rotation @ R_start) for T in T_base_tips])
+            return (turned @ self.turn / (self.turn @ self.turn)).clip(0.0, 1.0)
+        return self.nearest_positions(np.array([T.translation for T in T_base_tips]))
+
+    def nearest_positions(self, positions: FloatArray, *, steps: int = MAX_STEPS) -> FloatArray:
         """Fractions of the positions nearest to others, shape (m, 3): shape (m,), 0..1.
 
         Newton's method, from the nearest of some samples.
+
+        Args:
+            positions: in base, m.
+            steps: of Newton's method; with 0, fractions are multiples of 1 / (`SAMPLES` - 1).
         """
         grid = np.linspace(0.0, 1.0, SAMPLES)
         away = positions[:, None] - self.positions(grid)
         s = grid[np.einsum("mki,mki->mk", away, away).argmin(axis=1)]
-        for _ in range(MAX_STEPS):
+        for _ in range(steps):
             off, slope = self.positions(s) - positions, self.slopes(s)
             bend = 2.0 * self.coefficients[1] + 6.0 * s[:, None] * self.coefficients[2]
             first = np.einsum("mi,mi->m", off, slope)

@@ -220,17 +220,19 @@ class StraightLine(Piece):
         """Whether the line is shorter than `MIN_LENGTH`."""
         return bool(np.linalg.norm(self.twist) < MIN_LENGTH)
 
-    def nearest_fraction(self, T_base_tip: pin.SE3) -> float:
-        """Fraction of the nearest position.
+    def nearest_fractions(self, T_base_tips: Sequence[pin.SE3]) -> FloatArray:
+        """Fractions of the nearest positions, shape (m,).
 
-        For a rotation in place, it is the fraction of the nearest orientation. Not limited to 0..1;
-        0 where the line is a point.
+        For a rotation in place, of the nearest orientations. Not limited to 0..1; 0 where the line
+        is a point.
         """
-        T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
-        way, turn = self.coefficients[0], self.turn
+        start, way, turn = self.T_base_start, self.coefficients[0], self.turn
         if self.length_m < MIN_TRAVEL_M and self.angle_rad > MIN_LENGTH:
-            return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
-        return float(way @ (T.translation - start.translation) / max(way @ way, MIN_LENGTH**2))
+            turned = (pin.log3(T.rotation @ start.rotation.T) for T in T_base_tips)
+            return np.array([turn @ each / (turn @ turn) for each in turned])
+        length = max(way @ way, MIN_LENGTH**2)
+        away = (T.translation - start.translation for T in T_base_tips)
+        return np.array([way @ each / length for each in away])
 
     def deviations(self, T_base_tips: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Deviations of poses of the tip, shape (m, 4, 4): m and rad, shape (m,) each.
@@ -243,7 +245,7 @@ class StraightLine(Piece):
         away = T[:, :3, 3] - self.T_base_start.translation
         s = away @ way / max(way @ way, MIN_LENGTH**2)
         if self.length_m < MIN_TRAVEL_M:  # a rotation in place
-            s = np.array([self.nearest_fraction(pin.SE3(tip)) for tip in T])
+            s = self.nearest_fractions([pin.SE3(tip) for tip in T])
         axis = turn / max(self.angle_rad, MIN_LENGTH)
         # the rotations about this axis: poses of a chain of a single joint
         turns = JointChain(np.eye(4)[None], axis[None]).poses(s[:, None] * self.angle_rad)

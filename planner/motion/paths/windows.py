@@ -40,9 +40,10 @@ from planner.motion.program.unknowns import MotionTask, Phase
 from planner.splines import Sketch, trajectory_of
 from planner.trajectory import Trajectory
 
-WINDOW, KEPT, SHORTER = 8, 4, 2
-"""Number of pieces in a window, how many of them are kept, and by how many at a time a window is
-shortened that has no solution."""
+WINDOW, KEPT, AHEAD, SHORTER = 8, 4, 2, 2
+"""Number of pieces in a window, how many of them are kept, how many after those must be near the
+path as well, and by how many at a time a window is shortened that has no solution. The state in
+which a window is left must allow a motion with the intervals that the next pieces need."""
 
 FEW, MANY, MANY_M, MAX_INTERVALS = 6, 12, 0.03, 48
 """Initial number of intervals of a piece; that of a longer one with corners at both ends, which is
@@ -52,6 +53,9 @@ SMOOTHING = 100.0
 """Weight of squared third differences of the controls where the tip has a set speed. Without it,
 the arm uses what freedom it has in ways that change from interval to interval."""
 
+MAX_SPEED, DIFFERENCE_S = 1.01, 1e-5
+"""Maximum speed of the tip at samples, relative to the set speed; and the time over which it is
+measured."""
 
 OPTIONS = {
     "ipopt.slack_bound_push": 1e-2,
@@ -127,7 +131,7 @@ class Windows:
         """The motions of a window, with enough intervals that the tip stays on the path."""
         first = len(found)
         is_last = first + len(sketches) == len(self._task.pieces)
-        judged = len(sketches) if is_last else self._kept(len(sketches))
+        judged = len(sketches) if is_last else self._kept(len(sketches)) + AHEAD
         while True:
             window = self._clear(found, sketches)
             if window is None:
@@ -218,12 +222,19 @@ class Windows:
         return sketches
 
     def _is_near(self, number: int, motion: Trajectory) -> bool:
-        """Whether the tip stays near its path, at samples between the knots as well."""
+        """Whether the tip stays near its path and below its speed, at samples between the knots."""
         count = SAMPLES_PER_INTERVAL * (len(motion.knots_s) - 1) + 1
-        q = motion.sample(np.linspace(0.0, motion.duration, count)).q
-        tips, at = self._arm.T_base_tips(q), np.full(count, number)
+        times_s = np.linspace(0.0, motion.duration, count)
+        tips = self._arm.T_base_tips(motion.sample(times_s).q)
+        at = np.full(count, number)
         found = deviations(self._task.pieces, self._task.tolerance, tips, at)
-        return bool((found.share <= SAMPLED_SHARE).all())
+        is_near = bool((found.share <= SAMPLED_SHARE).all())
+        if self._task.speed_m_s is None or not is_near:
+            return is_near
+        pair_s = np.add.outer([0.0, DIFFERENCE_S], times_s).clip(max=motion.duration)
+        before, after = (self._arm.T_base_tips(motion.sample(t).q)[:, :3, 3] for t in pair_s)
+        speeds = np.linalg.norm(after - before, axis=1) / DIFFERENCE_S
+        return bool((speeds <= MAX_SPEED * self._task.speed_m_s).all())
 
 
 @lru_cache(maxsize=64)

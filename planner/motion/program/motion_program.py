@@ -261,8 +261,8 @@ class MotionProgram:
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.piece is not None and arm is not None:
-                piece = task.pieces[phase.piece]
-                x[fractions] = [piece.nearest_fraction(arm.T_base_tip(q)) for q in sketch.q]
+                tips = [arm.T_base_tip(q) for q in sketch.q]
+                x[fractions] = task.pieces[phase.piece].nearest_fractions(tips)
         return x
 
     def motions(

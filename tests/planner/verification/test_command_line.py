@@ -92,7 +92,7 @@ def test_straight_adds_a_move_to_judge_as_straight(
     good: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([good, "-q", "--straight", "reach out"]) == 1
-    assert "off its line" in capsys.readouterr().err
+    assert "off its way" in capsys.readouterr().err
 
 
 def test_acceleration_and_jerk_set_the_limits(

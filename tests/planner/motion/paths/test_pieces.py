@@ -60,7 +60,7 @@ def test_parts_are_the_same_path(seed: int, count: int, s: float) -> None:
 def test_no_sample_is_nearer_than_the_nearest_fraction(seed: int) -> None:
     piece, rng = random_piece(seed), np.random.default_rng(seed)
     points = piece.positions(rng.uniform(size=5)) + rng.normal(scale=1e-3, size=(5, 3))
-    found = np.linalg.norm(piece.positions(piece.nearest_fractions(points)) - points, axis=1)
+    found = np.linalg.norm(piece.positions(piece.nearest_positions(points)) - points, axis=1)
     samples = piece.positions(np.linspace(0.0, 1.0, 2001))
     nearest = np.linalg.norm(samples[None] - points[:, None], axis=2).min(axis=1)
     assert (found <= nearest + ROUNDING).all()
