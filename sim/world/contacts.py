@@ -14,7 +14,7 @@ The steps of a certified plan are not checked while the world is as they state (
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -91,7 +91,7 @@ class ContactWatch:
         Returns:
             Each contact with its arm.
         """
-        return self._contacts(sides, self._configurations(paths), times_s)
+        return self._contacts(sides, self._configurations(paths), times_s, moving=paths)
 
     def at(self, side: str, q: FloatArray) -> list[Contact]:
         """The contacts of an arm that goes to a configuration nearby, shape (7,), rad, likewise.
@@ -134,8 +134,13 @@ class ContactWatch:
         path: FloatArray,
         times_s: FloatArray,
         left_out: Iterable[str] = (),
+        moving: Container[str] = LIMBS,
     ) -> list[tuple[str, Contact]]:
-        """The contacts of arms along full configurations, shape (n, 19), at times, shape (n,)."""
+        """The contacts of arms along full configurations, shape (n, 19), at times, shape (n,).
+
+        Of an arm of `sides` that does not move, only those with what does not give way count, such
+        as the other arm: its fingers may press on what they are about to grasp, or have released.
+        """
         around = {side: self._surroundings(side, sides) for side in sides}
         loads = _Loads(self._world, sides)
         passed, found = {side: set(left_out) for side in sides}, list[tuple[str, Contact]]()
@@ -148,6 +153,7 @@ class ContactWatch:
                 for side in sides
                 for other, pairs in touching[side].items()
                 if other not in passed[side]
+                and (side in moving or not around[side].gives_way(other))
             ]
             new += [(sides[0], contact) for contact in loads.contacts(q, *span_s)]
             for side, contact in sorted(new, key=lambda each: -each[1].depth_m):
@@ -156,7 +162,7 @@ class ContactWatch:
                 if contact.stops:
                     return found
                 passed[side].add(contact.other)
-        for side in sides:
+        for side in (side for side in sides if side in moving):
             self._lasting[side] = frozenset(passed[side].intersection(touching[side]))
         return found
 
@@ -234,14 +240,14 @@ class _Surroundings:
         distances_m = self._checker.distances_m(q, pairs, NEAR_M)
         nearest = int(np.argmin(distances_m))
         mover, other = self._names(pairs[nearest])
-        is_held, stops = mover == self._held, not self._gives_way(other)
+        is_held, stops = mover == self._held, not self.gives_way(other)
         return Contact(time_s, mover, other, is_held, -distances_m[nearest], stops, free_s)
 
     @cached_property
     def blocks(self) -> Touches:
         """Whether the arm is in what does not give way at a full configuration."""
         pairs = range(len(self._checker.pairs))
-        passed = [pair for pair in pairs if self._gives_way(self._names(pair)[1])]
+        passed = [pair for pair in pairs if self.gives_way(self._names(pair)[1])]
         return Touches(self._checker, -PRESSING_TOLERANCE_M, left_out=passed)
 
     def _names(self, pair: int) -> tuple[str, str]:
@@ -255,7 +261,7 @@ class _Surroundings:
         is_link = name.startswith((f"{self._side}_", f"{self._side[0]}_gripper"))
         return name == self._held or (is_link and name not in self._scene.bodies)
 
-    def _gives_way(self, name: str) -> bool:
+    def gives_way(self, name: str) -> bool:
         """Whether it is a movable body that no hand holds."""
         body = self._scene.bodies.get(name)
         return body is not None and body.is_movable and name not in self._in_hands

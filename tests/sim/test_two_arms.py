@@ -1,0 +1,305 @@
+"""A plan of both arms in the simulation: two streams on one clock, recorded and written."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
+from planner import (
+    Body,
+    Grip,
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Plan,
+    PlanFailure,
+    State,
+    TwoArmPlan,
+    make_block,
+    plan_joint_move,
+)
+from planner.clearance import Clearance, ContinuousProof
+from planner.completion import after, state_of
+from planner.two_arms.together import plan_together
+from sim import (
+    EventKind,
+    Outcome,
+    Recorder,
+    Recording,
+    Simulation,
+    SimulationError,
+    World,
+    read_recording,
+    save_recording,
+    write_csv,
+)
+from sim.recording.comparison import compare_run
+from sim.recording.recorder import planned_recording
+from tests.conftest import at, overhead
+from tests.sim.recording.identical import differences
+from tests.sim.runs import Witness
+
+TIME_S = 1e-9
+"""Sums of some dozen durations below 10 s."""
+
+RAD = 1e-9
+REST_M = 1e-6
+"""Bodies end where the plan says within this; contacts are found to 1e-8 m."""
+
+TICK_S = 0.0025
+"""At 400 Hz, most ends of moves are between two ticks, as they are at 100 Hz."""
+
+PICKS = {"left": ("red", 0.65, 0.25), "right": ("blue", 0.65, -0.25)}
+PLACES = {"left": (0.75, 0.12), "right": (0.75, -0.12)}
+
+
+class Both:
+    """A table with a block for each arm, and a simulation with a witness and a recorder."""
+
+    def __init__(self, robot: Baxter, start: State, **options: object) -> None:
+        self.world = World.from_state(start, robot)
+        self.witness, self.recorder = Witness(), Recorder(robot)
+        observers = [self.witness, self.recorder]
+        self.simulation = Simulation(self.world, observers, tick_s=TICK_S, **options)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def start(robot: Baxter, table: Body) -> State:
+    world = World(robot)
+    world.spawn(table)
+    for side, (name, x, y) in PICKS.items():
+        world.move_arm(side, robot.arm(side).start)
+        world.spawn(make_block(name, at(x, y, -0.13)))
+    return world.state
+
+
+@pytest.fixture(scope="module")
+def plan(robot: Baxter, start: State) -> TwoArmPlan:
+    tasks = {
+        side: PickAndPlace(name, overhead(x, y, -0.129), overhead(*PLACES[side], -0.129))
+        for side, (name, x, y) in PICKS.items()
+    }
+    arms = {side: Manipulator.of(robot, side) for side in LIMBS}
+    plan = plan_together(tasks, arms, start)
+    assert plan.is_valid, str(plan.failure)
+    assert not plan.in_turn
+    return plan
+
+
+@pytest.fixture(scope="module")
+def executed(robot: Baxter, start: State, plan: TwoArmPlan) -> tuple[Both, Outcome]:
+    both = Both(robot, start)
+    outcome = both.simulation.execute(plan, unverified=True)
+    both.simulation.finish()
+    return both, outcome
+
+
+@pytest.fixture(scope="module")
+def recording(executed: tuple[Both, Outcome]) -> Recording:
+    return executed[0].recorder.recording()
+
+
+def test_both_arms_follow_the_plan_at_every_tick(
+    executed: tuple[Both, Outcome], recording: Recording, plan: TwoArmPlan
+) -> None:
+    outcome = executed[1]
+    assert outcome.is_success, outcome.failure
+    assert outcome.hits == ()
+    assert outcome.duration_s == pytest.approx(plan.duration_s, abs=TIME_S)
+    names = [*arm_joints("left"), *arm_joints("right")]
+    found = recording.q[:, [recording.joint_names.index(name) for name in names]]
+    planned = plan.trajectory.sample(np.minimum(recording.times_s, plan.duration_s)).q
+    np.testing.assert_allclose(found, planned, atol=RAD)
+    for side in LIMBS:
+        assert recording.motion(side).is_exact.sum() > 1000
+        assert compare_run(plan.plans[side], recording).worst_rad.max() < 1e-6
+
+
+def test_bodies_end_where_the_plans_of_the_arms_say(
+    executed: tuple[Both, Outcome], robot: Baxter, plan: TwoArmPlan
+) -> None:
+    world = executed[0].world
+    for side, (name, _, _) in PICKS.items():
+        last = plan.plans[side].steps[-1]
+        end = after(last, state_of(last), Manipulator.of(robot, side)).scene[name].T_base_body
+        found = world.body(name).T_base_body
+        np.testing.assert_allclose(found.homogeneous, end.homogeneous, atol=REST_M)
+        assert world.supports[name] == ("table",)
+        np.testing.assert_allclose(found.translation[:2], PLACES[side], atol=5e-3)
+    assert world.held == ()
+
+
+def test_events_are_in_order_of_time_and_begin_when_the_clock_says(
+    executed: tuple[Both, Outcome], plan: TwoArmPlan
+) -> None:
+    witness = executed[0].witness
+    times = [item.time_s for item in witness.received]
+    assert all(one <= other for one, other in pairwise(times))
+    begun = [e for e in witness.events if e.kind is EventKind.MOVE_STARTED]
+    wanted = [each for each in plan.steps if isinstance(each.step, Move)]
+    assert [(e.side, e.text) for e in begun] == [(each.side, each.step.label) for each in wanted]
+    for event, each in zip(begun, wanted, strict=True):
+        assert event.time_s == pytest.approx(each.begin_s, abs=TIME_S)
+    for side, (name, _, _) in PICKS.items():
+        own = [e for e in witness.events if e.side == side and e.body is not None]
+        kinds = (EventKind.GRASPED, EventKind.RELEASED)
+        assert [e.kind for e in own if e.kind in kinds] == list(kinds)
+        assert {e.body.name for e in own if e.body is not None} == {name}
+        closes, opens = (
+            each
+            for each in plan.steps_of(side)
+            if isinstance(each.step, Grip) and each.step.body is not None
+        )
+        grasped, released = (e for e in own if e.kind in kinds)
+        assert closes.begin_s < grasped.time_s <= closes.end_s
+        assert released.time_s == pytest.approx(opens.begin_s, abs=TIME_S)
+
+
+def test_the_caption_says_what_each_arm_does(recording: Recording) -> None:
+    captions = [text for _, text in recording.captions]
+    assert "left arm: pick: descend, right arm: pick: descend" in captions
+    assert "left arm: pick: close, right arm: pick: close" in captions
+    assert "left arm: waits, right arm: waits" in captions  # until the grips' time is over
+
+
+@pytest.mark.parametrize("side", LIMBS)
+def test_a_missed_grasp_of_one_arm_stops_both(
+    robot: Baxter, start: State, plan: TwoArmPlan, side: str
+) -> None:
+    other = LIMBS[1 - LIMBS.index(side)]
+    waits_s = 0.4  # of the one that misses, so that the other is on its way with its block
+    late = {s: tuple(b + waits_s * (s == side) for b in plan.begins_s[s]) for s in LIMBS}
+    both = Both(robot, start, check_contacts=False)
+    both.world.place_body(PICKS[side][0], at(0.9, 0.6 if side == "left" else -0.6, -0.13))
+    outcome = both.simulation.execute(evolve(plan, begins_s=late), unverified=True)
+    assert outcome.failure is not None
+    assert outcome.failure.startswith(f"{side} arm, pick: close: missed: ")
+    missed = both.witness.events[-1]
+    assert (missed.kind, missed.side) == (EventKind.MISSED, side)
+    assert both.simulation.time_s == missed.time_s == outcome.duration_s
+    timed = next(each for each in plan.steps_of(side) if each.step.label == "pick: close")
+    assert missed.time_s <= timed.end_s + waits_s
+    held = both.world.holding(other)
+    assert held is not None
+    assert held.body == PICKS[other][0]
+    # each arm stands where the plan has it at that time
+    stopped = evolve(plan, begins_s=late).trajectory.sample(missed.time_s).q
+    np.testing.assert_allclose(
+        np.concatenate([both.world.arm_q(s) for s in LIMBS]), stopped, atol=RAD
+    )
+
+
+def test_a_hand_that_is_opening_ends_that_when_the_other_arm_fails(
+    robot: Baxter, start: State, plan: TwoArmPlan
+) -> None:
+    """The left arm begins so late that the right hand is letting go when it misses."""
+    missed_s = next(e.begin_s for e in plan.steps_of("left") if e.step.label == "pick: close")
+    opens_s = next(e.begin_s for e in plan.steps_of("right") if e.step.label == "place: open")
+    stroke_s = 0.42
+    late = {"left": tuple(b + opens_s - missed_s - stroke_s + 0.005 for b in plan.begins_s["left"])}
+    both = Both(robot, start, check_contacts=False)
+    both.world.place_body("red", at(0.9, 0.6, -0.13))
+    changed = evolve(plan, begins_s={**plan.begins_s, **late})
+    outcome = both.simulation.execute(changed, unverified=True)
+    assert not outcome.is_success
+    kinds = [(e.kind, e.side) for e in both.witness.events]
+    assert kinds[-1] == (EventKind.SETTLED, None)
+    assert both.world.supports["blue"] == ("table",)
+    assert both.world.finger_m("right") == pytest.approx(both.world.hands["right"].stroke_m)
+
+
+def test_arms_that_run_into_each_other_both_stop_before(robot: Baxter, start: State) -> None:
+    plan = across(robot, start)
+    both = Both(robot, start)
+    outcome = both.simulation.execute(plan, unverified=True)
+    assert outcome.failure is not None
+    assert outcome.failure.startswith("across: the ")
+    (hit,) = outcome.hits
+    assert hit.stops
+    assert {name.split("_")[0][0] for name in (hit.mover, hit.other)} == {"l", "r"}
+    stopped = plan.trajectory.sample(outcome.duration_s).q
+    found = [both.world.arm_q(side) for side in LIMBS]
+    np.testing.assert_allclose(np.concatenate(found), stopped, atol=RAD)
+    assert outcome.duration_s < plan.duration_s
+
+
+def across(robot: Baxter, start: State) -> TwoArmPlan:
+    """Both arms turn to the other side; the proof is a lie."""
+    plans = {}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        arm = robot.arm(side)
+        goal = np.array(arm.start)
+        goal[0] -= sign * 1.2
+        move = Move("across", plan_joint_move(arm.start, goal, arm.limits))
+        plans[side] = Plan(start, (move,), limb=side)
+    proof = ContinuousProof(0.01, Clearance(0.02, "left_hand", "right_hand", 1.0), 0.0, 10, 5)
+    return TwoArmPlan(start, plans, dict.fromkeys(LIMBS, (0.0,)), 0.5, proof)
+
+
+def test_what_the_hands_hold_counts_against_each_other(
+    robot: Baxter, start: State, plan: TwoArmPlan
+) -> None:
+    """Longer rods in the hands meet before the hands do."""
+    both = Both(robot, start)
+    for side, (name, _, _) in PICKS.items():
+        both.world.attach(side, name, at(0.0, 0.0, 0.3))
+    outcome = both.simulation.execute(across(robot, start), unverified=True)
+    (hit,) = outcome.hits
+    assert hit.is_held
+
+
+def test_a_plan_that_is_executed_with_another_grip_time_is_refused_when_that_is_too_short(
+    robot: Baxter, start: State, plan: TwoArmPlan
+) -> None:
+    """Bodies that fall for longer than the clock allows break the clock."""
+    both = Both(robot, start)
+    outcome = both.simulation.execute(evolve(plan, grip_s=0.01), unverified=True)
+    assert outcome.failure is not None
+    assert "on the clock" in outcome.failure
+
+
+def test_refusals(robot: Baxter, start: State, plan: TwoArmPlan) -> None:
+    both = Both(robot, start)
+    for wrong in (evolve(plan, failure=PlanFailure("here", "too far")), "plan"):
+        with pytest.raises(SimulationError):
+            both.simulation.execute(wrong)  # type: ignore[arg-type]
+    both.world.move_arm("right", robot.arm("right").neutral)
+    with pytest.raises(SimulationError, match="where the right arm stands"):
+        both.simulation.execute(plan)
+    assert both.simulation.time_s == 0.0
+    assert both.witness.received == []
+
+
+def test_the_plan_alone_gives_the_same_recording(
+    robot: Baxter, plan: TwoArmPlan, recording: Recording
+) -> None:
+    planned = planned_recording(plan, robot)
+    assert planned.duration_s == pytest.approx(recording.duration_s, abs=TIME_S)
+    every = round(0.01 / TICK_S)
+    rows = recording.q[::every][: len(planned.q) - 1]
+    np.testing.assert_allclose(planned.q[:-1], rows, atol=RAD)
+    assert [(e.kind, e.side, e.text) for e in planned.events] == [
+        (e.kind, e.side, e.text) for e in recording.events
+    ]
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".csv"])
+def test_files_keep_both_arms(recording: Recording, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"both{suffix}"
+    save = write_csv if suffix == ".csv" else save_recording
+    save(recording, path)
+    found = read_recording(path).recording
+    names = [*arm_joints("left"), *arm_joints("right")]
+    columns = [
+        each.q[:, [each.joint_names.index(name) for name in names]] for each in (found, recording)
+    ]
+    np.testing.assert_allclose(*columns, atol=1e-6)
+    np.testing.assert_allclose(found.gripper_percent, recording.gripper_percent, atol=1e-6)
+    if suffix == ".mcap":
+        assert list(differences(found, recording)) == []
