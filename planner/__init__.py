@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
+    from planner.two_arms.together import plan_together as plan_together
     from planner.verification import Certificate as Certificate
     from planner.verification import MotionCertificate as MotionCertificate
     from planner.verification import PolynomialMotion as PolynomialMotion
@@ -134,6 +135,7 @@ __all__, __getattr__ = lazy(
         "plan_retract": "planner.pick_place.planning",
         "plan_start_move": "planner.pick_place.planning",
         "plan_straight_move": "planner.motion.paths.straight_move",
+        "plan_together": "planner.two_arms.together",
         "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",

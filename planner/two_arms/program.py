@@ -35,7 +35,6 @@ from planner.motion.program.motion_program import (
     MARGIN_TOLERANCE_M,
     MAX_DURATION,
     MAX_SHORTFALL_M,
-    SETTLED,
     SHORTFALL_PER_M,
     TRUST_DECAY,
     TRUST_RAD,
@@ -57,6 +56,10 @@ INSTANTS, PAIRS = 140, 3
 """Number of instants of the clock at which the arms keep clear of each other, and of pairs at each:
 the nearest ones. In motions of 4 to 6 s these are 40 ms apart; with `MARGIN_TOLERANCE_M`, the proof
 found no contact in between in any of 24 solutions of the prototype."""
+
+SETTLED, MAX_IN_VAIN = 0.01, 3
+"""Share of its makespan by which a clear solution must change for another round, and maximum number
+of rounds after it without another."""
 
 OWN_SHARE = 0.02
 """Weight of all durations and waits in the objective."""
@@ -225,9 +228,9 @@ class JointProgram:
         end_s = max(clock.end_s for clock in clocks)
         times = np.linspace(0.0, end_s, SCAN_INSTANTS)
         qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
-        missing_m = sum(
-            -near.least_m(qs[where], 0.0).sum() for near, where in self._by_state(clocks, times)
-        )
+        missing_m = 0.0
+        for near, where in self._by_state(clocks, times):
+            missing_m -= float(near.least_m(qs[where], 0.0).sum())
         return end_s + SHORTFALL_PER_M * missing_m * INSTANTS / SCAN_INSTANTS * _unit_s(guess)
 
     def excess_m(self, guess: Sequence[Timed]) -> float:
@@ -246,14 +249,13 @@ class JointProgram:
         It ends when the makespan has settled, or after too many rounds.
         """
         timed, trust, share = tuple(guess), TRUST_RAD, TRUST_SHARE
-        failures, last_s = 0, np.inf
+        failures, last_s, last_clear = 0, np.inf, MAX_ROUNDS
         bounds = [arm.bounds(t.sketches) for arm, t in zip(self._arms, timed, strict=True)]
         for number in range(1, MAX_ROUNDS + 1):
             solved = self._solved(timed, bounds, trust, share)
-            if solved is None or number > MAX_ROUNDS // 2:
-                trust, share = TRUST_DECAY * trust, TRUST_DECAY * share
             if solved is None:
                 failures += 1
+                trust, share = TRUST_DECAY * trust, TRUST_DECAY * share
                 if failures > MAX_FAILURES:
                     return
                 continue
@@ -270,11 +272,16 @@ class JointProgram:
                 "round %d: %.3f s, excess %.1f mm between the arms, %.1f mm elsewhere",
                 *(number, solved.makespan_s, 1e3 * between_m, 1e3 * own_m),
             )
-            if min(own_m, between_m) > -MARGIN_TOLERANCE_M:
+            excess_m = min(own_m, between_m)
+            if number > MAX_ROUNDS // 2:
+                trust, share = TRUST_DECAY * trust, TRUST_DECAY * share
+            if excess_m > -MARGIN_TOLERANCE_M:
                 yield solved
                 if abs(solved.makespan_s - last_s) < SETTLED * solved.makespan_s:
                     return
-                last_s = solved.makespan_s
+                last_s, last_clear = solved.makespan_s, number
+            if number >= last_clear + MAX_IN_VAIN:
+                return
 
     def _clocks(self, guess: Sequence[Timed]) -> list[_Clock]:
         return [_Clock(arm, timed) for arm, timed in zip(self._arms, guess, strict=True)]

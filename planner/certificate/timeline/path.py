@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -30,6 +30,9 @@ MIN_LINE_M = 1e-6
 MAX_GAP = 1e-6
 """Maximum distance between the end of a piece of a path and the start of the next, m, and between
 entries of their rotations."""
+
+MAX_BEND = 0.1
+"""Maximum share of a tolerance by which the tip is off its chords in cells that are tried."""
 
 SHARE_STEPS = 8
 """Number of Gauss-Newton steps to the share of a piece that is nearest to a pose."""
@@ -137,11 +140,10 @@ class Tolerance(NamedTuple):
         """
         return 2.0 if len(self.axes) == 1 else np.sqrt(8.0)
 
-    def angle(self, length: float) -> float:
-        """Upper bound on the angle whose difference has a length, rad."""
-        if length >= self.chord:
-            return float(np.pi)
-        return 2.0 * float(np.arcsin(length / self.chord)) * (1.0 + 8.0 * UNIT)
+    def angles(self, lengths: Array) -> Array:
+        """Upper bounds on the angles whose differences have some lengths, rad."""
+        found: Array = 2.0 * np.arcsin(np.minimum(lengths / self.chord, 1.0)) * (1.0 + 8.0 * UNIT)
+        return np.where(lengths < self.chord, found, np.pi)
 
 
 class Off(NamedTuple):
@@ -150,9 +152,26 @@ class Off(NamedTuple):
     distance_m: float
     angle: float
 
-    def is_within(self, tolerance: Tolerance) -> bool:
-        """Whether both are within a tolerance."""
-        return self.distance_m <= tolerance.position_m and self.angle <= tolerance.rotation_rad
+
+class Cells(NamedTuple):
+    """Of each cell of time, how far the tip is at most from a piece.
+
+    Attributes:
+        distance_m: upper bounds on the distance, shape (k,).
+        angle: on the angle, shape (k,).
+        share: the greater of both, relative to the tolerance, shape (k,).
+        at_ends: the same without what happens between the ends of a cell, shape (k,).
+    """
+
+    distance_m: Array
+    angle: Array
+    share: Array
+    at_ends: Array
+
+    def or_of(self, other: Cells) -> Cells:
+        """The better of two in each cell."""
+        is_better = other.share < self.share
+        return Cells(*(np.where(is_better, x, y) for x, y in zip(other, self, strict=True)))
 
 
 def line_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any], label: str) -> Off:
@@ -171,15 +190,16 @@ def line_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any],
     (p, _), (R, _) = ends.p.centred(), ends.R.centred()
     coefficients = np.array([p[1] - p[0], np.zeros(3), np.zeros(3)])
     line = Piece(p[0], R[0], coefficients, *axis_angle(R[0].T @ R[1]))
-    timed = [(line, 0.0, motion.duration_s)]
-    return _deviation(robot, motion, timed, Tolerance.of_file(stated, label), label)
+    times_s = np.array([0.0, motion.duration_s])
+    follower = _Follower(robot, motion, [line], times_s)
+    return follower.deviation(Tolerance.of_file(stated, label), label)
 
 
 def path_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any], label: str) -> Off:
     """How far the tip is at most from its path.
 
-    At every instant there is a point of the piece that belongs to the time, from which the tip is
-    no farther, in position and rotation at once.
+    At every instant there is a point of the piece that belongs to the time, or of a neighbour, from
+    which the tip is no farther, in position and rotation at once.
 
     Args:
         robot: the robot.
@@ -204,8 +224,7 @@ def path_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any],
         gap = np.abs(before.rotations(last)[0] - after.rotations(first)[0]).max()
         require(max(gap_m, gap) <= MAX_GAP, f"{label}: its path has a gap")
     tolerance = Tolerance.of_file(stated["tolerance"], label)
-    timed = zip(pieces, times_s[:-1].tolist(), times_s[1:].tolist(), strict=True)
-    off = _deviation(robot, motion, timed, tolerance, label)
+    off = _Follower(robot, motion, pieces, times_s).deviation(tolerance, label)
     if stated["speed_m_s"] is not None:
         speed_m_s = float(stated["speed_m_s"])
         require(0.0 < speed_m_s < np.inf, f"{label}: the speed that is set is malformed")
@@ -215,71 +234,77 @@ def path_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any],
     return off
 
 
-def _deviation(
-    robot: Robot,
-    motion: Polynomials,
-    timed: Iterable[tuple[Piece, float, float]],
-    tolerance: Tolerance,
-    label: str,
-) -> Off:
-    """How far the tip is at most from pieces, each of which it follows from one time to another."""
-    worst = Off(0.0, 0.0)
-    for piece, start_s, end_s in timed:
-        for count in CELLS:
-            cells_s = np.linspace(start_s, end_s, count + 1)
-            bends = chord_errors(robot, motion, cells_s)
-            is_coarse = not Off(*bends).is_within(
-                tolerance._replace(
-                    position_m=0.1 * tolerance.position_m, rotation_rad=0.1 * tolerance.rotation_rad
-                )
+@dataclass(frozen=True, eq=False)
+class _Follower:
+    """A tip that follows pieces, each between two of successive times."""
+
+    robot: Robot
+    motion: Polynomials
+    pieces: Sequence[Piece]
+    times_s: Array
+
+    def deviation(self, tolerance: Tolerance, label: str) -> Off:
+        """How far the tip is at most from the pieces; refused where that is beyond a tolerance."""
+        worst = Off(0.0, 0.0)
+        for number in range(len(self.pieces)):
+            cells = self._cells(number, tolerance)
+            off = Off(float(cells.distance_m.max()), float(cells.angle.max()))
+            require(
+                (cells.share <= 1.0).all(),
+                f"{label}: the tip is up to {1e3 * off.distance_m:.4f} mm and {off.angle:.6f} rad "
+                f"off its way; allowed are {1e3 * tolerance.position_m:.4f} mm and "
+                f"{tolerance.rotation_rad:.6f} rad",
             )
-            if is_coarse and count < CELLS[-1]:
+            worst = Off(max(worst.distance_m, off.distance_m), max(worst.angle, off.angle))
+        return worst
+
+    def _cells(self, number: int, tolerance: Tolerance) -> Cells:
+        """The cells of the time of a piece, small enough to show that the tip is near."""
+        start_s, end_s = self.times_s[number : number + 2]
+        for count in CELLS:
+            times_s = np.linspace(start_s, end_s, count + 1)
+            bend_m, bend = chord_errors(self.robot, self.motion, times_s)
+            bends = max(bend_m / tolerance.position_m, bend / tolerance.rotation_rad)
+            if bends > MAX_BEND and count < CELLS[-1]:
                 continue
-            off, at_ends = _off_piece(robot, motion, piece, cells_s, tolerance)
-            if off.is_within(tolerance) or not at_ends.is_within(tolerance):
+            cells = self._off_piece(number, times_s, tolerance)
+            for beside in (number - 1, number + 1):
+                if (cells.share > 1.0).any() and 0 <= beside < len(self.pieces):
+                    cells = cells.or_of(self._off_piece(beside, times_s, tolerance))
+            if (cells.share <= 1.0).all() or (cells.at_ends > 1.0).any():
                 break  # otherwise smaller cells may show it
-        worst = Off(max(worst.distance_m, off.distance_m), max(worst.angle, off.angle))
-        if not off.is_within(tolerance):
-            break
-    off_mm, allowed_mm = 1e3 * worst.distance_m, 1e3 * tolerance.position_m
-    require(
-        worst.is_within(tolerance),
-        f"{label}: the tip is up to {off_mm:.4f} mm and {worst.angle:.6f} rad off its way; allowed "
-        f"are {allowed_mm:.4f} mm and {tolerance.rotation_rad:.6f} rad",
-    )
-    return worst
+        return cells
 
+    def _off_piece(self, number: int, times_s: Array, tolerance: Tolerance) -> Cells:
+        """How far the tip is from a piece in cells between successive times.
 
-def _off_piece(
-    robot: Robot, motion: Polynomials, piece: Piece, times_s: Array, tolerance: Tolerance
-) -> tuple[Off, Off]:
-    """How far the tip is from a piece in cells between successive times, and at these times.
-
-    To each time belongs a share of the piece, whichever; in between it changes evenly. The vector
-    from the point at that share to the tip is, in a cell, no longer than at either end, as lengths
-    are convex, plus by what both are off their chords: the tip by `chord_errors`; the point by the
-    bend of the piece, times the square of the change of the share, / 8; the entries of its rotation
-    together by sqrt(2) / 8 of the square of the turn.
-    """
-    bend_m, bend = chord_errors(robot, motion, times_s)
-    T = robot.tips(motion.at(times_s))
-    (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
-    s = _shares(piece, p, R, tolerance)
-    change = np.abs(np.diff(s))
-    away_m = norm_bound(p - piece.at(s)) + 2.0 * (error_p + piece.rounding_m)
-    sag_m = (bend_m + piece.bend_m * change**2 / 8.0) * (1.0 + 1e-9)
-    distance_m = np.maximum(away_m[:-1], away_m[1:]) + sag_m
-    if not tolerance.axes:
-        return Off(float(distance_m.max()), 0.0), Off(float(away_m.max()), 0.0)
-    Q, error_Q = piece.rotations(s)
-    columns = (R - Q)[:, :, tolerance.axes].reshape(len(s), -1)
-    away = norm_bound(columns) + 3.0 * (error_R + error_Q) + STATE_TOLERANCE
-    sag = (bend + 0.17678 * (piece.angle * change) ** 2) * (1.0 + 1e-9)
-    length = np.maximum(away[:-1], away[1:]) + sag
-    return (
-        Off(float(distance_m.max()), tolerance.angle(float(length.max()))),
-        Off(float(away_m.max()), tolerance.angle(float(away.max()))),
-    )
+        To each time belongs a share of the piece, whichever; in between it changes evenly. The
+        vector from the point at that share to the tip is, in a cell, no longer than at either end,
+        as lengths are convex, plus by what both are off their chords: the tip by `chord_errors`;
+        the point by the bend of the piece, times the square of the change of the share, / 8; the
+        entries of its rotation together by sqrt(2) / 8 of the square of the turn.
+        """
+        piece = self.pieces[number]
+        bend_m, bend = chord_errors(self.robot, self.motion, times_s)
+        T = self.robot.tips(self.motion.at(times_s))
+        (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
+        s = _shares(piece, p, R, tolerance)
+        change = np.abs(np.diff(s))
+        away_m = norm_bound(p - piece.at(s)) + 2.0 * (error_p + piece.rounding_m)
+        away_m = np.maximum(away_m[:-1], away_m[1:])
+        distance_m = away_m + (bend_m + piece.bend_m * change**2 / 8.0) * (1.0 + 1e-9)
+        angle, at_ends = np.zeros(len(change)), away_m / tolerance.position_m
+        share = distance_m / tolerance.position_m
+        if tolerance.axes:
+            Q, error_Q = piece.rotations(s)
+            columns = (R - Q)[:, :, tolerance.axes].reshape(len(s), -1)
+            away = norm_bound(columns) + 3.0 * (error_R + error_Q) + STATE_TOLERANCE
+            away = np.maximum(away[:-1], away[1:])
+            sag = (bend + 0.17678 * (piece.angle * change) ** 2) * (1.0 + 1e-9)
+            angle = tolerance.angles(away + sag)
+            share = np.maximum(share, angle / tolerance.rotation_rad)
+            at_ends = np.maximum(at_ends, tolerance.angles(away) / tolerance.rotation_rad)
+        return Cells(distance_m, angle, share, at_ends)
 
 
 def _shares(piece: Piece, p: Array, R: Array, tolerance: Tolerance) -> Array:

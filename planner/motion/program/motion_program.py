@@ -349,7 +349,11 @@ def solver_of(
     p = ca.MX.sym("p", sum(each.numbers for each in functions))
     numbers = ca.vertsplit(p, np.cumsum([0, *(each.numbers for each in functions)]).tolist())
     weight, share = ca.MX.sym("weight"), 1.0 if coupling is None else coupling.duration_weight
-    f, values, jacobian, hessian, lengths = 0, [], [], [], []
+    f = ca.MX(0)
+    values: list[ca.MX] = []
+    jacobian: list[ca.MX] = []
+    hessian: list[ca.MX] = []
+    lengths: list[int] = []
     for k, (program, rows) in enumerate(zip(programs, clear, strict=True)):
         motion, shortfalls = parts[2 * k : 2 * k + 2]
         matrix = ca.DM(0, counts[k]) if rows is None else rows.matrix
@@ -379,7 +383,7 @@ def solver_of(
     if coupling is not None:
         hessian.append(ca.MX(coupling.unknowns, coupling.unknowns))
     inputs, g = [x, p], ca.vertcat(*values)
-    derivatives = {
+    derivatives: dict[str, Any] = {
         "grad_f": ca.Function("grad_f", inputs, [f, ca.densify(ca.jacobian(f, x).T)]),
         "jac_g": ca.Function("jac_g", inputs, [g, jacobian_g]),
         "hess_lag": ca.Function("hess_lag", [*inputs, weight, multipliers], [ca.diagcat(*hessian)]),

@@ -1,0 +1,39 @@
+"""Both arms, and pairs of tasks that all tests of this folder use."""
+
+from __future__ import annotations
+
+import pytest
+
+from baxter_kin import Baxter
+from planner import Manipulator, TwoArmPlan, plan_together
+from tests.planner.two_arms.pairs import SIDES, PairOfTasks, pair
+
+
+@pytest.fixture(scope="session")
+def manipulators(robot: Baxter) -> dict[str, Manipulator]:
+    return {side: Manipulator.of(robot, side) for side in SIDES}
+
+
+@pytest.fixture(scope="session")
+def plain(manipulators: dict[str, Manipulator]) -> PairOfTasks:
+    """Each arm works on its own side."""
+    left, right = ((0.65, 0.2, 0.0), (0.75, 0.4, 0.5)), ((0.75, -0.2, 0.3), (0.65, -0.4, 0.0))
+    return pair(manipulators, left, right)
+
+
+@pytest.fixture(scope="session")
+def crossing(manipulators: dict[str, Manipulator]) -> PairOfTasks:
+    """Each block lies on the other arm's side, so the ways to and from them cross."""
+    left, right = ((0.6, -0.08, 0.0), (0.7, 0.35, 0.0)), ((0.72, 0.08, 0.0), (0.62, -0.35, 0.0))
+    return pair(manipulators, left, right)
+
+
+@pytest.fixture(scope="session")
+def plain_plan(plain: PairOfTasks) -> TwoArmPlan:
+    return plan_together(*plain.arguments)
+
+
+@pytest.fixture(scope="session")
+def crossing_plan(crossing: PairOfTasks) -> TwoArmPlan:
+    """It takes about ten seconds: each round is a motion program of both arms."""
+    return plan_together(*crossing.arguments)
