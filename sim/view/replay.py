@@ -288,7 +288,7 @@ def _timeline(
             if timeline
         },
         "marks": [
-            [event.time_s - start_s, MARKS[event.kind], event.text]
+            [event.time_s - start_s, MARKS[event.kind], event.text, event.side]
             for event in recording.events
             if event.kind in MARKS and start_s <= event.time_s <= start_s + recording.duration_s
         ],
