@@ -12,21 +12,17 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from planner import (
-    Body,
     Grip,
     Manipulator,
     Move,
-    PickAndPlace,
     Plan,
     PlanFailure,
     State,
     TwoArmPlan,
-    make_block,
     plan_joint_move,
 )
 from planner.clearance import Clearance, ContinuousProof
 from planner.completion import after, state_of
-from planner.two_arms.together import plan_together
 from sim import (
     EventKind,
     Outcome,
@@ -41,9 +37,9 @@ from sim import (
 )
 from sim.recording.comparison import compare_run
 from sim.recording.recorder import planned_recording
-from tests.conftest import at, overhead
+from tests.conftest import at
 from tests.sim.recording.identical import differences
-from tests.sim.runs import Witness
+from tests.sim.runs import PICKS, PLACES, Witness
 
 TIME_S = 1e-9
 """Sums of some dozen durations below 10 s."""
@@ -54,9 +50,6 @@ REST_M = 1e-6
 
 TICK_S = 0.0025
 """At 400 Hz, most ends of moves are between two ticks, as they are at 100 Hz."""
-
-PICKS = {"left": ("red", 0.65, 0.25), "right": ("blue", 0.65, -0.25)}
-PLACES = {"left": (0.75, 0.12), "right": (0.75, -0.12)}
 
 
 class Both:
@@ -70,34 +63,11 @@ class Both:
 
 
 @pytest.fixture(scope="module")
-def start(robot: Baxter, table: Body) -> State:
-    world = World(robot)
-    world.spawn(table)
-    for side, (name, x, y) in PICKS.items():
-        world.move_arm(side, robot.arm(side).start)
-        world.spawn(make_block(name, at(x, y, -0.13)))
-    return world.state
-
-
-@pytest.fixture(scope="module")
-def plan(robot: Baxter, start: State) -> TwoArmPlan:
-    tasks = {
-        side: PickAndPlace(name, overhead(x, y, -0.129), overhead(*PLACES[side], -0.129))
-        for side, (name, x, y) in PICKS.items()
-    }
-    arms = {side: Manipulator.of(robot, side) for side in LIMBS}
-    plan = plan_together(tasks, arms, start)
-    assert plan.is_valid, str(plan.failure)
-    assert not plan.in_turn
-    return plan
-
-
-@pytest.fixture(scope="module")
-def executed(robot: Baxter, start: State, plan: TwoArmPlan) -> tuple[Both, Outcome]:
-    both = Both(robot, start)
-    outcome = both.simulation.execute(plan, unverified=True)
-    both.simulation.finish()
-    return both, outcome
+def executed(robot: Baxter, start: State, both: TwoArmPlan) -> tuple[Both, Outcome]:
+    run = Both(robot, start)
+    outcome = run.simulation.execute(both, unverified=True)
+    run.simulation.finish()
+    return run, outcome
 
 
 @pytest.fixture(scope="module")
@@ -106,27 +76,27 @@ def recording(executed: tuple[Both, Outcome]) -> Recording:
 
 
 def test_both_arms_follow_the_plan_at_every_tick(
-    executed: tuple[Both, Outcome], recording: Recording, plan: TwoArmPlan
+    executed: tuple[Both, Outcome], recording: Recording, both: TwoArmPlan
 ) -> None:
     outcome = executed[1]
     assert outcome.is_success, outcome.failure
     assert outcome.hits == ()
-    assert outcome.duration_s == pytest.approx(plan.duration_s, abs=TIME_S)
+    assert outcome.duration_s == pytest.approx(both.duration_s, abs=TIME_S)
     names = [*arm_joints("left"), *arm_joints("right")]
     found = recording.q[:, [recording.joint_names.index(name) for name in names]]
-    planned = plan.trajectory.sample(np.minimum(recording.times_s, plan.duration_s)).q
+    planned = both.trajectory.sample(np.minimum(recording.times_s, both.duration_s)).q
     np.testing.assert_allclose(found, planned, atol=RAD)
     for side in LIMBS:
         assert recording.motion(side).is_exact.sum() > 1000
-        assert compare_run(plan.plans[side], recording).worst_rad.max() < 1e-6
+        assert compare_run(both.plans[side], recording).worst_rad.max() < 1e-6
 
 
 def test_bodies_end_where_the_plans_of_the_arms_say(
-    executed: tuple[Both, Outcome], robot: Baxter, plan: TwoArmPlan
+    executed: tuple[Both, Outcome], robot: Baxter, both: TwoArmPlan
 ) -> None:
     world = executed[0].world
     for side, (name, _, _) in PICKS.items():
-        last = plan.plans[side].steps[-1]
+        last = both.plans[side].steps[-1]
         end = after(last, state_of(last), Manipulator.of(robot, side)).scene[name].T_base_body
         found = world.body(name).T_base_body
         np.testing.assert_allclose(found.homogeneous, end.homogeneous, atol=REST_M)
@@ -136,13 +106,13 @@ def test_bodies_end_where_the_plans_of_the_arms_say(
 
 
 def test_events_are_in_order_of_time_and_begin_when_the_clock_says(
-    executed: tuple[Both, Outcome], plan: TwoArmPlan
+    executed: tuple[Both, Outcome], both: TwoArmPlan
 ) -> None:
     witness = executed[0].witness
     times = [item.time_s for item in witness.received]
     assert all(one <= other for one, other in pairwise(times))
     begun = [e for e in witness.events if e.kind is EventKind.MOVE_STARTED]
-    wanted = [each for each in plan.steps if isinstance(each.step, Move)]
+    wanted = [each for each in both.steps if isinstance(each.step, Move)]
     assert [(e.side, e.text) for e in begun] == [(each.side, each.step.label) for each in wanted]
     for event, each in zip(begun, wanted, strict=True):
         assert event.time_s == pytest.approx(each.begin_s, abs=TIME_S)
@@ -153,7 +123,7 @@ def test_events_are_in_order_of_time_and_begin_when_the_clock_says(
         assert {e.body.name for e in own if e.body is not None} == {name}
         closes, opens = (
             each
-            for each in plan.steps_of(side)
+            for each in both.steps_of(side)
             if isinstance(each.step, Grip) and each.step.body is not None
         )
         grasped, released = (e for e in own if e.kind in kinds)
@@ -170,61 +140,61 @@ def test_the_caption_says_what_each_arm_does(recording: Recording) -> None:
 
 @pytest.mark.parametrize("side", LIMBS)
 def test_a_missed_grasp_of_one_arm_stops_both(
-    robot: Baxter, start: State, plan: TwoArmPlan, side: str
+    robot: Baxter, start: State, both: TwoArmPlan, side: str
 ) -> None:
     other = LIMBS[1 - LIMBS.index(side)]
     waits_s = 0.4  # of the one that misses, so that the other is on its way with its block
-    late = {s: tuple(b + waits_s * (s == side) for b in plan.begins_s[s]) for s in LIMBS}
-    both = Both(robot, start, check_contacts=False)
-    both.world.place_body(PICKS[side][0], at(0.9, 0.6 if side == "left" else -0.6, -0.13))
-    outcome = both.simulation.execute(evolve(plan, begins_s=late), unverified=True)
+    late = {s: tuple(b + waits_s * (s == side) for b in both.begins_s[s]) for s in LIMBS}
+    run = Both(robot, start, check_contacts=False)
+    run.world.place_body(PICKS[side][0], at(0.9, 0.6 if side == "left" else -0.6, -0.13))
+    outcome = run.simulation.execute(evolve(both, begins_s=late), unverified=True)
     assert outcome.failure is not None
     assert outcome.failure.startswith(f"{side} arm, pick: close: missed: ")
-    missed = both.witness.events[-1]
+    missed = run.witness.events[-1]
     assert (missed.kind, missed.side) == (EventKind.MISSED, side)
-    assert both.simulation.time_s == missed.time_s == outcome.duration_s
-    timed = next(each for each in plan.steps_of(side) if each.step.label == "pick: close")
+    assert run.simulation.time_s == missed.time_s == outcome.duration_s
+    timed = next(each for each in both.steps_of(side) if each.step.label == "pick: close")
     assert missed.time_s <= timed.end_s + waits_s
-    held = both.world.holding(other)
+    held = run.world.holding(other)
     assert held is not None
     assert held.body == PICKS[other][0]
     # each arm stands where the plan has it at that time
-    stopped = evolve(plan, begins_s=late).trajectory.sample(missed.time_s).q
+    stopped = evolve(both, begins_s=late).trajectory.sample(missed.time_s).q
     np.testing.assert_allclose(
-        np.concatenate([both.world.arm_q(s) for s in LIMBS]), stopped, atol=RAD
+        np.concatenate([run.world.arm_q(s) for s in LIMBS]), stopped, atol=RAD
     )
 
 
 def test_a_hand_that_is_opening_ends_that_when_the_other_arm_fails(
-    robot: Baxter, start: State, plan: TwoArmPlan
+    robot: Baxter, start: State, both: TwoArmPlan
 ) -> None:
     """The left arm begins so late that the right hand is letting go when it misses."""
-    missed_s = next(e.begin_s for e in plan.steps_of("left") if e.step.label == "pick: close")
-    opens_s = next(e.begin_s for e in plan.steps_of("right") if e.step.label == "place: open")
+    missed_s = next(e.begin_s for e in both.steps_of("left") if e.step.label == "pick: close")
+    opens_s = next(e.begin_s for e in both.steps_of("right") if e.step.label == "place: open")
     stroke_s = 0.42
-    late = {"left": tuple(b + opens_s - missed_s - stroke_s + 0.005 for b in plan.begins_s["left"])}
-    both = Both(robot, start, check_contacts=False)
-    both.world.place_body("red", at(0.9, 0.6, -0.13))
-    changed = evolve(plan, begins_s={**plan.begins_s, **late})
-    outcome = both.simulation.execute(changed, unverified=True)
+    late = {"left": tuple(b + opens_s - missed_s - stroke_s + 0.005 for b in both.begins_s["left"])}
+    run = Both(robot, start, check_contacts=False)
+    run.world.place_body("red", at(0.9, 0.6, -0.13))
+    changed = evolve(both, begins_s={**both.begins_s, **late})
+    outcome = run.simulation.execute(changed, unverified=True)
     assert not outcome.is_success
-    kinds = [(e.kind, e.side) for e in both.witness.events]
+    kinds = [(e.kind, e.side) for e in run.witness.events]
     assert kinds[-1] == (EventKind.SETTLED, None)
-    assert both.world.supports["blue"] == ("table",)
-    assert both.world.finger_m("right") == pytest.approx(both.world.hands["right"].stroke_m)
+    assert run.world.supports["blue"] == ("table",)
+    assert run.world.finger_m("right") == pytest.approx(run.world.hands["right"].stroke_m)
 
 
 def test_arms_that_run_into_each_other_both_stop_before(robot: Baxter, start: State) -> None:
     plan = across(robot, start)
-    both = Both(robot, start)
-    outcome = both.simulation.execute(plan, unverified=True)
+    run = Both(robot, start)
+    outcome = run.simulation.execute(plan, unverified=True)
     assert outcome.failure is not None
     assert outcome.failure.startswith("across: the ")
     (hit,) = outcome.hits
     assert hit.stops
     assert {name.split("_")[0][0] for name in (hit.mover, hit.other)} == {"l", "r"}
     stopped = plan.trajectory.sample(outcome.duration_s).q
-    found = [both.world.arm_q(side) for side in LIMBS]
+    found = [run.world.arm_q(side) for side in LIMBS]
     np.testing.assert_allclose(np.concatenate(found), stopped, atol=RAD)
     assert outcome.duration_s < plan.duration_s
 
@@ -242,44 +212,43 @@ def across(robot: Baxter, start: State) -> TwoArmPlan:
     return TwoArmPlan(start, plans, dict.fromkeys(LIMBS, (0.0,)), 0.5, proof)
 
 
-def test_what_the_hands_hold_counts_against_each_other(
-    robot: Baxter, start: State, plan: TwoArmPlan
-) -> None:
-    """Longer rods in the hands meet before the hands do."""
-    both = Both(robot, start)
-    for side, (name, _, _) in PICKS.items():
-        both.world.attach(side, name, at(0.0, 0.0, 0.3))
-    outcome = both.simulation.execute(across(robot, start), unverified=True)
+def test_what_the_hands_hold_counts_against_each_other(robot: Baxter, start: State) -> None:
+    """Blocks that are held far from the hands meet before the arms do."""
+    run = Both(robot, start)
+    for side, y in (("left", 0.05), ("right", -0.05)):
+        T_tip_body = run.world.T_base_tip(side).inverse() * at(1.0, y, 0.3)
+        run.world.attach(side, PICKS[side][0], T_tip_body)
+    outcome = run.simulation.execute(across(robot, start), unverified=True)
     (hit,) = outcome.hits
     assert hit.is_held
+    assert {hit.mover, hit.other} == {"red", "blue"}
 
 
-def test_a_plan_that_is_executed_with_another_grip_time_is_refused_when_that_is_too_short(
-    robot: Baxter, start: State, plan: TwoArmPlan
+def test_a_gripper_action_that_takes_longer_than_the_clock_allows_ends_the_plan(
+    robot: Baxter, start: State, both: TwoArmPlan
 ) -> None:
-    """Bodies that fall for longer than the clock allows break the clock."""
-    both = Both(robot, start)
-    outcome = both.simulation.execute(evolve(plan, grip_s=0.01), unverified=True)
+    run = Both(robot, start)
+    outcome = run.simulation.execute(evolve(both, grip_s=0.01), unverified=True)
     assert outcome.failure is not None
     assert "on the clock" in outcome.failure
 
 
-def test_refusals(robot: Baxter, start: State, plan: TwoArmPlan) -> None:
-    both = Both(robot, start)
-    for wrong in (evolve(plan, failure=PlanFailure("here", "too far")), "plan"):
+def test_refusals(robot: Baxter, start: State, both: TwoArmPlan) -> None:
+    run = Both(robot, start)
+    for wrong in (evolve(both, failure=PlanFailure("here", "too far")), "plan"):
         with pytest.raises(SimulationError):
-            both.simulation.execute(wrong)  # type: ignore[arg-type]
-    both.world.move_arm("right", robot.arm("right").neutral)
+            run.simulation.execute(wrong)  # type: ignore[arg-type]
+    run.world.move_arm("right", robot.arm("right").neutral)
     with pytest.raises(SimulationError, match="where the right arm stands"):
-        both.simulation.execute(plan)
-    assert both.simulation.time_s == 0.0
-    assert both.witness.received == []
+        run.simulation.execute(both)
+    assert run.simulation.time_s == 0.0
+    assert run.witness.received == []
 
 
 def test_the_plan_alone_gives_the_same_recording(
-    robot: Baxter, plan: TwoArmPlan, recording: Recording
+    robot: Baxter, both: TwoArmPlan, recording: Recording
 ) -> None:
-    planned = planned_recording(plan, robot)
+    planned = planned_recording(both, robot)
     assert planned.duration_s == pytest.approx(recording.duration_s, abs=TIME_S)
     every = round(0.01 / TICK_S)
     rows = recording.q[::every][: len(planned.q) - 1]
