@@ -310,7 +310,7 @@ class Simulation(OneLine):
 
         yield Activity(
             trajectory.duration,
-            lambda time_s: self.world.move_arm(limb, path(np.float64(time_s))),
+            lambda time_s: self.world.move_arm(limb, path(np.array(time_s))),
             label=move.label,
             path=path if checks else None,
         )

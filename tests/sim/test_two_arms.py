@@ -35,6 +35,7 @@ from sim import (
     save_recording,
     write_csv,
 )
+from sim.errors import RecordingError
 from sim.recording.comparison import compare_run
 from sim.recording.recorder import planned_recording
 from tests.conftest import at
@@ -265,10 +266,29 @@ def test_files_keep_both_arms(recording: Recording, tmp_path: Path, suffix: str)
     save(recording, path)
     found = read_recording(path).recording
     names = [*arm_joints("left"), *arm_joints("right")]
-    columns = [
+    one, other = (
         each.q[:, [each.joint_names.index(name) for name in names]] for each in (found, recording)
-    ]
-    np.testing.assert_allclose(*columns, atol=1e-6)
+    )
+    np.testing.assert_allclose(one, other, atol=1e-6)
     np.testing.assert_allclose(found.gripper_percent, recording.gripper_percent, atol=1e-6)
     if suffix == ".mcap":
         assert list(differences(found, recording)) == []
+
+
+def test_a_plan_is_written_for_a_robot_on_its_clock(both: TwoArmPlan, tmp_path: Path) -> None:
+    path = tmp_path / "both.csv"
+    write_csv(both, path)
+    found = read_recording(path).recording
+    names = [*arm_joints("left"), *arm_joints("right")]
+    q = found.q[:, [found.joint_names.index(name) for name in names]]
+    planned = both.trajectory.sample(np.minimum(found.times_s, both.duration_s)).q
+    np.testing.assert_allclose(q, planned, atol=1e-6)
+    assert found.duration_s == pytest.approx(both.duration_s, abs=0.02)
+    for side, percent in zip(LIMBS, found.gripper_percent.T, strict=True):
+        commands = {s.step.label: s for s in both.steps_of(side) if isinstance(s.step, Grip)}
+        closed_s = found.times_s[percent == 0.0]
+        close, release = commands["pick: close"], commands["place: open"]
+        assert close.begin_s <= closed_s[0] <= close.end_s
+        assert release.begin_s <= closed_s[-1] <= release.end_s
+    with pytest.raises(RecordingError):
+        write_csv(both, path, dwell_s=1.0)
