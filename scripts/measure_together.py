@@ -28,7 +28,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
@@ -176,14 +176,14 @@ def shown(found: Mapping[str, Any]) -> str:
     )
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--count", type=int, default=60, help="number of pairs (default: 60)")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default: 1)")
     parser.add_argument("--kinds", nargs="+", choices=Y_M, default=list(Y_M), help="of pairs")
     parser.add_argument("--json", type=Path, help="file for the figures")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     robot = Baxter.load()
     manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
     seed = arguments.seed

@@ -26,7 +26,13 @@ from numpy.typing import ArrayLike
 from baxter_kin.display import count, degrees_hint, phrase, quoted, shortened
 from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, array, evolve, field, frozen, mapping
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
+from baxter_kin.validation import (
+    FloatArray,
+    expect_all,
+    finite_array,
+    finite_scalar,
+    positive_scalar,
+)
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """The value of MoveIt's Baxter configuration; Rethink published none."""
@@ -164,13 +170,19 @@ class JointLimits:
 
         Args:
             each: those of every group, at least one.
+
+        Raises:
+            LimitsError: when there are none, or one is of another class.
         """
-        names = tuple(name for limits in each for name in limits.names)
+        groups = expect_all(each, JointLimits, "the limits of groups of joints", LimitsError)
+        if not groups:
+            raise LimitsError("there are no limits to put side by side; give those of one group")
+        names = tuple(name for limits in groups for name in limits.names)
         q_min, q_max, v_max, a_max, j_max = (
-            np.concatenate([getattr(limits, what) for limits in each])
+            np.concatenate([getattr(limits, what) for limits in groups])
             for what in ("q_min", "q_max", "v_max", "a_max", "j_max")
         )
-        return cls(names, q_min, q_max, v_max, a_max, j_max, each[0].origins)
+        return cls(names, q_min, q_max, v_max, a_max, j_max, groups[0].origins)
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.

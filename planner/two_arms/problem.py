@@ -11,15 +11,20 @@ from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from planner.clearance import ContinuousContact
 from planner.completion import after, complete, state_of
+from planner.errors import TaskError
 from planner.manipulator import Manipulator
 from planner.pick_place.plan_builder import NoSolutionError, free_motion
 from planner.pick_place.planning import searched
 from planner.pick_place.task import PickAndPlace
 from planner.plan import Move, Plan, PlanFailure, Step
+from planner.scene.bodies import Scene
 from planner.state import State
 from planner.two_arms.across import Across, episodes_of
 from planner.two_arms.arm_cycle import WITHDRAW, Requirements, other_than
 from planner.two_arms.plan import TwoArmPlan, duration_of
+
+SAME_PLACE = 1e-6
+"""Maximum difference of two equal poses, relative."""
 
 NOT_PROVEN = PlanFailure("together", "not proven yet")
 """The failure of a plan of both arms until it is proven."""
@@ -103,6 +108,7 @@ class StepSequence:
         self.problem, self._first, self._now_s = problem, problem, 0.0
         self._steps: dict[str, list[Step]] = {side: [] for side in LIMBS}
         self._begins: dict[str, list[float]] = {side: [] for side in LIMBS}
+        self._reached: list[tuple[str, int, Scene]] = []  # an arm, number of its steps, all bodies
 
     def add_plan(self, plan: TwoArmPlan) -> None:
         """Add a valid plan of both arms."""
@@ -129,19 +135,42 @@ class StepSequence:
         last = plan.steps[-1]
         end = after(last, state_of(last), self.problem.manipulators[side])
         self._add(side, plan.steps, end)
+        self._reached.append((side, len(self._steps[side]), end.scene))
 
     def planned(self, in_turn: str = "") -> TwoArmPlan:
         """The plan of all steps, proven as a whole.
 
-        Raises NoSolutionError when it is not proven, or an arm's steps are not possible without the
-        other arm's bodies.
+        Raises NoSolutionError when it is not proven, or a body stands on one that the other arm
+        handles, without which it would fall in this arm's own world.
         """
-        plans = {side: self._completed(side) for side in LIMBS}
+        try:
+            plans = {side: self._completed(side) for side in LIMBS}
+        except TaskError as cause:
+            raise NoSolutionError.at("together", str(cause)) from cause
+        for side, count, scene in self._reached:
+            self._refuse_fallen(side, plans[side], count, scene)
         begins_s = {side: tuple(self._begins[side]) for side in LIMBS}
         plan = self._first.proven(plans, begins_s, in_turn)
         if isinstance(plan, ContinuousContact):
             raise NoSolutionError(PlanFailure("together", str(plan), contact=plan))
         return plan
+
+    def _refuse_fallen(self, side: str, plan: Plan, count: int, scene: Scene) -> None:
+        """Raise NoSolutionError where a body is elsewhere without the other arm's bodies.
+
+        Args:
+            side: the arm.
+            plan: its plan in its own world.
+            count: number of its steps after which bodies are compared.
+            scene: all bodies, as they are then in the world of both arms.
+        """
+        manipulator = self._first.manipulators[side]
+        last = plan.steps[count - 1]
+        end = after(last, state_of(last), manipulator).scene
+        for name in sorted(self._first.handled[side]):
+            if not end[name].T_base_body.isApprox(scene[name].T_base_body, SAME_PLACE):
+                reason = f"{name} would stand on a body that the {other_than(side)} arm handles"
+                raise NoSolutionError.at("place: open", reason, is_certain=True)
 
     def _completed(self, side: str) -> Plan:
         """The steps of an arm with their states, in a world without the other arm."""

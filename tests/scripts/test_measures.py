@@ -10,6 +10,7 @@ import pytest
 
 motion: Any = importlib.import_module("measure_motion")
 ros1: Any = importlib.import_module("measure_ros1")
+together: Any = importlib.import_module("measure_together")
 
 
 def printed(capsys: pytest.CaptureFixture[str], words: str) -> str:
@@ -24,6 +25,14 @@ def test_a_task_is_planned_verified_and_compared(capsys: pytest.CaptureFixture[s
     ratio = re.search(r"over the optimum: median (\S+),", said)
     assert ratio is not None
     assert 0.99 < float(ratio[1]) < 1.01
+
+
+@pytest.mark.slow
+def test_both_arms_take_as_long_as_the_slower_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert together.main(["--count", "1", "--kinds", "plain"]) == 0
+    said = capsys.readouterr().out
+    assert "plain: 1 pairs, 1 at once, 0 in turn, 0 refused" in said
+    assert re.search(r"0 of \d{4} samples contradict a proof", said)
 
 
 @pytest.mark.campaign

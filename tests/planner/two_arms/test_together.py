@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, BaxterError
@@ -28,6 +29,7 @@ from planner.two_arms.across import Across, episodes_of, windows_of
 from planner.two_arms.plan import begins_of
 from tests.planner.two_arms.pairs import (
     SIDES,
+    SIZE_M,
     Measured,
     PairOfTasks,
     block,
@@ -171,12 +173,10 @@ def test_arms_take_turns_where_no_program_applies(crossing: PairOfTasks) -> None
     tasks = {side: evolve(task, clear_m=5e-5) for side, task in crossing.tasks.items()}
     plan = plan_together(tasks, *crossing.arguments[1:])
     assert plan.is_valid
-    if plan.in_turn:
-        busy = {side: [(t[0], t[1]) for t in plan.steps_of(side)] for side in SIDES}
-        assert not any(
-            max(a, c) < min(b, d) - 1e-9 for a, b in busy["left"] for c, d in busy["right"]
-        )
-        assert "no motion of both arms at once was found" in plan.in_turn
+    assert "no motion of both arms at once was found" in plan.in_turn
+    busy = {side: [each[:2] for each in plan.steps_of(side)] for side in SIDES}
+    for (a, b), (c, d) in product(busy["left"], busy["right"]):
+        assert max(a, c) >= min(b, d) - 1e-9
 
 
 def test_tasks_are_done_in_the_given_order(manipulators: dict[str, Manipulator]) -> None:
@@ -196,6 +196,20 @@ def test_tasks_are_done_in_the_given_order(manipulators: dict[str, Manipulator])
     ]
     assert grasped == ["left", "third"]
     assert isinstance(plan.proof, ContinuousProof)
+
+
+def test_no_body_is_stacked_on_one_of_the_other_arm(manipulators: dict[str, Manipulator]) -> None:
+    """Without the lower one, which is not in the left arm's own world, it would fall."""
+    left, right = ((0.65, 0.2, 0.0), (0.8, 0.3, 0.0)), ((0.75, -0.3, 0.0), (0.7, -0.1, 0.0))
+    problem = pair(manipulators, left, right)
+    scene = problem.state.scene.with_body(block("third", (0.7, 0.42, 0.0)))
+    on_top = pin.SE3(np.eye(3), np.array([0.0, 0.0, SIZE_M]))
+    third = carry("third", (0.7, 0.42, 0.0), (0.7, -0.1, 0.0))
+    stacked = evolve(third, T_base_place=on_top * third.T_base_place)
+    lists = {"left": [problem.tasks["left"], stacked], "right": [problem.tasks["right"]]}
+    plan = plan_together(lists, manipulators, evolve(problem.state, scene=scene))
+    assert plan.failure is not None
+    assert "third would stand on a body that the right arm handles" in str(plan.failure)
 
 
 def test_an_arm_without_a_plan_is_named(plain: PairOfTasks) -> None:
