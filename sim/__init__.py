@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from sim.view.live.viewer import Viewer as Viewer
     from sim.view.replay import Replay as Replay
     from sim.view.replay import write_replay as write_replay
+    from sim.workbench.lettering import text_strokes as text_strokes
     from sim.workbench.workbench import TaskResult as TaskResult
     from sim.workbench.workbench import Workbench as Workbench
     from sim.world.gripper import Closing as Closing
@@ -70,6 +71,7 @@ __all__, __getattr__ = lazy(
         "plot_recording": "sim.recording.plot",
         "read_recording": "sim.recording.record_file",
         "save_recording": "sim.recording.record_file",
+        "text_strokes": "sim.workbench.lettering",
         "write_csv": "sim.recording.formats.rsdk_csv",
         "write_replay": "sim.view.replay",
     },

@@ -41,6 +41,8 @@ class EventKind(str, Enum):
     MISSED = "missed"
     RELEASED = "released"
     SETTLED = "settled"
+    PEN_DOWN = "pen down"
+    PEN_UP = "pen up"
 
 
 Detail: TypeAlias = Contact | Push | Grasp | Miss | Rest

@@ -13,12 +13,13 @@ the world is as the step states it.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from baxter_kin.display import OneLine, count, millimetres, phrase, seconds
-from baxter_kin.fields import field, frozen, scalar
+from baxter_kin.fields import array, field, frozen, scalar
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan, TwoArmPlan
@@ -98,6 +99,29 @@ class Outcome:
         return f"{count(len(self.hits), 'hit')}: {names}"
 
 
+@frozen(error=SimulationError)
+class Strokes:
+    """What a pen in the hand draws while a plan is executed.
+
+    Attributes:
+        on: name of the body that it draws on.
+        times_s: from when to when it touches, increasing, shape (k, 2), s from the plan's start.
+
+    Raises:
+        SimulationError: when the times do not increase.
+    """
+
+    on: str
+    times_s: FloatArray = array(None, 2)
+
+    def __attrs_post_init__(self) -> None:
+        if (np.diff(self.times_s.reshape(-1), prepend=0.0) < 0.0).any():
+            raise SimulationError("the times of strokes must increase, from 0 on")
+
+    def _facts(self) -> tuple[str, ...]:
+        return count(len(self.times_s), "stroke"), f"on {phrase(self.on)}"
+
+
 class Simulation(OneLine):
     """A world in time.
 
@@ -136,6 +160,7 @@ class Simulation(OneLine):
         self._checks_contacts = expect(check_contacts, bool, "check_contacts", SimulationError)
         self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
         self._hits: list[Contact] = []  # of this execution
+        self._pen: deque[tuple[float, EventKind, str, Body]] = deque()  # likewise, still to come
         self._labels: dict[str, str] = {}  # of both arms; empty while one arm executes a plan
         self._title = ""
         self._timeline.begin()
@@ -177,6 +202,7 @@ class Simulation(OneLine):
         *,
         certificate: Certificate | None = None,
         unverified: bool = False,
+        strokes: Strokes | None = None,
     ) -> Outcome:
         """Execute every step of a plan, or stop at the first that fails.
 
@@ -195,6 +221,7 @@ class Simulation(OneLine):
             certificate: the result of `verify` for this very plan; a step is not checked for
                 contacts while the world is as the step states it.
             unverified: whether the certificate is missing on purpose, so that nothing is logged.
+            strokes: what a pen in the hand draws meanwhile, which observers are notified of.
 
         Raises:
             SimulationError: when the plan is invalid, is for another robot or starts elsewhere;
@@ -206,8 +233,11 @@ class Simulation(OneLine):
             expect(certificate, Certificate, "certificate", SimulationError)
         if not expect(unverified, bool, "unverified", SimulationError):
             _warn_without_certificate(plan, certificate)
+        if strokes is not None and isinstance(plan, TwoArmPlan):
+            raise SimulationError("strokes are of one arm; leave them out for a plan of both")
         started_s = self.time_s
         self._hits, self._title = [], title
+        self._pen = deque(self._pen_events(strokes))
         if isinstance(plan, TwoArmPlan):
             streams = [Stream(side, self._on_clock(plan, side)) for side in LIMBS]
             self._labels = dict.fromkeys(LIMBS, WAITS)
@@ -218,6 +248,7 @@ class Simulation(OneLine):
             streams = [Stream(plan.limb, self._all_of(plan, is_certified))]
             self._labels = {}
         failure = run_streams(streams, self._timeline, self._watch, self._hit)
+        self._lift_pen(streams[0].limb)
         return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
 
     def finish(self) -> None:
@@ -301,20 +332,47 @@ class Simulation(OneLine):
         return self._close(step) if step.action is GripperAction.CLOSE else self._open(step, checks)
 
     def _move(self, move: Move, checks: bool) -> Activities:
-        limb, trajectory, text = move.limb, move.trajectory, f"{self._title}{move.label}"
-        self._timeline.notify(EventKind.MOVE_STARTED, text, limb, move=move)
+        """Follow a move; the pen may draw meanwhile."""
+        begin_s, text = self.time_s, f"{self._title}{move.label}"
+        self._timeline.notify(EventKind.MOVE_STARTED, text, move.limb, move=move)
+        while self._pen and self._pen[0][0] <= begin_s + move.trajectory.duration:
+            time_s, kind, text, body = self._pen.popleft()
+            yield self._part(move, self.time_s - begin_s, time_s - begin_s, checks=checks)
+            self._timeline.notify(kind, text, move.limb, body=body)
+        first_s = self.time_s - begin_s
+        yield self._part(move, first_s, move.trajectory.duration, checks=checks)
+        return None
+
+    def _part(self, move: Move, first_s: float, end_s: float, *, checks: bool) -> Activity:
+        """A move from a time since its beginning to another."""
 
         def path(times_s: FloatArray) -> FloatArray:
-            q: FloatArray = trajectory.sample(np.clip(times_s, 0.0, trajectory.duration)).q
+            q: FloatArray = move.trajectory.sample(np.clip(first_s + times_s, 0.0, end_s)).q
             return q
 
-        yield Activity(
-            trajectory.duration,
-            lambda time_s: self.world.move_arm(limb, path(np.array(time_s))),
+        return Activity(
+            end_s - first_s,
+            lambda time_s: self.world.move_arm(move.limb, path(np.array(time_s))),
             label=move.label,
             path=path if checks else None,
         )
-        return None
+
+    def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
+        """When the pen touches and leaves what it draws on, from now on."""
+        if strokes is None:
+            return
+        body = self.world.body(expect(strokes, Strokes, "strokes", SimulationError).on)
+        times_s = (self.time_s + strokes.times_s).tolist()
+        for number, (down_s, up_s) in enumerate(times_s, 1):
+            text = f"stroke {number} of {len(times_s)}"
+            yield down_s, EventKind.PEN_DOWN, f"{text} begins", body
+            yield up_s, EventKind.PEN_UP, f"{text} ends", body
+
+    def _lift_pen(self, limb: str) -> None:
+        """End the stroke that a plan was stopped in."""
+        if self._pen and self._pen[0][1] is EventKind.PEN_UP:
+            _, kind, text, body = self._pen.popleft()
+            self._timeline.notify(kind, text, limb, body=body)
 
     def _close(self, grip: Grip) -> Activities:
         """Close the fingers on what is between the pads, which push it on their way."""

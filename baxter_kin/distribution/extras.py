@@ -16,6 +16,7 @@ from types import MappingProxyType
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "atlas": ("dask", "distributed", "tqdm", "zarr"),
+        "draw": ("Hershey-Fonts",),
         "plot": ("matplotlib",),
         "ros1": ("rosbags",),
     }

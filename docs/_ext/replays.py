@@ -21,7 +21,10 @@ from sim import Replay
 MADE_IN = "_replays"
 SERVED_FROM = "_static/replays"
 
-STORIES = ("first_task", "reach", "around_a_wall", "tower", "two_arms", "noisy_eyes")
+STORIES = (
+    *("first_task", "reach", "around_a_wall", "keep_upright", "into_a_shelf", "draw", "tower"),
+    *("two_arms", "noisy_eyes"),
+)
 """The pages of the gallery, in order."""
 
 

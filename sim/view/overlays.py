@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
+from planner import Body
+from sim.events import Event, EventKind
 from sim.recording.recording import Recording
 from sim.view.animation import frame_samples, key_samples
 from sim.view.appearance import Appearance
@@ -89,6 +91,14 @@ two for the grippers' states."""
 SEGMENT_M = 0.015
 """Maximum length of the segments by which a line grows."""
 
+INK_RADIUS_M, INK_SEGMENT_M, INK_TOLERANCE_M = 2e-3, 0.004, 2e-4
+INK_RGB: Rgb = (0.06, 0.10, 0.30)
+"""Ink: half its width, the length of its segments, its maximum distance from the recorded line, and
+its colour."""
+
+INK_PATH = "/ink"
+"""Node of the ink."""
+
 MAX_STEP_M = 0.2
 """A tip that is farther away at the next sample was put there, and did not move there."""
 
@@ -109,6 +119,7 @@ _LAYERS = (
     ("robot", "Robot", True),
     ("body", "Collision body", False),
     ("paths", "Tip path", True),
+    ("ink", "Ink", True),
     ("goals", "Goals", True),
     ("frames", "Frames", False),
     ("ghost", "Other recording", True),
@@ -309,7 +320,7 @@ def recorded_paths(
     robot: Baxter,
     phases: Mapping[str, Sequence[tuple[float, GripperPhase]]],
 ) -> Iterator[PathPiece]:
-    """The paths of all tips that move.
+    """The paths of all tips that move, except where they draw.
 
     Args:
         recording: what happened.
@@ -325,7 +336,30 @@ def recorded_paths(
             starts_s = [-np.inf, *(start_s for start_s, _ in phases[side][1:])]
             is_holding = np.array([phase.is_holding for _, phase in phases[side]] or [False])
             now = is_holding[np.searchsorted(starts_s, times, side="right") - 1]
-            yield from _pieces(side, times, points, now)
+            begin = 0
+            for first, last in [
+                *np.searchsorted(times, _drawn_s(recording, side)),
+                [len(times)] * 2,
+            ]:
+                rows = slice(begin, first)
+                if first > begin:
+                    yield from _pieces(side, times[rows], points[rows], now[rows])
+                begin = last
+
+
+def _drawn_s(recording: Recording, side: str) -> FloatArray:
+    """From when to when a hand draws, lifts included, shape (k, 2), s."""
+    found: list[list[float]] = []
+    is_going_on = False
+    for event in recording.events:
+        if event.side == side and event.kind is EventKind.PEN_DOWN and not is_going_on:
+            found.append([event.time_s, event.time_s])
+            is_going_on = True
+        elif event.side == side and event.kind is EventKind.PEN_UP and found:
+            found[-1][1] = event.time_s
+        elif event.side == side and event.kind is EventKind.MOVE_STARTED:
+            is_going_on = False
+    return np.array(found).reshape(-1, 2)
 
 
 def _pieces(
@@ -345,16 +379,63 @@ def _pieces(
             yield PathPiece(side, at, where, bool(holding[start]))
 
 
-def _key_points(points: FloatArray, segment_m: float) -> NDArray[np.intp]:
+def _key_points(
+    points: FloatArray, segment_m: float, tolerance_m: float = _TOLERANCE_M
+) -> NDArray[np.intp]:
     """Indices of the points of a line, without rests and points straight between two others."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     moved = np.flatnonzero(np.concatenate([[True], steps > 0.0]))
     if len(moved) < 2:
         return moved
     travelled = np.concatenate([[0.0], np.cumsum(steps)])[moved]
-    shape = key_samples(travelled, points[moved], _TOLERANCE_M)
+    shape = key_samples(travelled, points[moved], tolerance_m)
     regular = np.flatnonzero(np.diff(np.floor(travelled / segment_m), prepend=-1.0) > 0)
     return moved[np.union1d(shape, regular)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InkLine:
+    """A stroke of a pen.
+
+    Attributes:
+        times_s: recorded time at each point, shape (n,).
+        points_base: on the body that was drawn on, shape (n, 3), m.
+    """
+
+    times_s: FloatArray
+    points_base: FloatArray
+
+    def command(self, path: str) -> Command:
+        """The stroke at a node."""
+        return line_command(path, self.points_base, INK_RADIUS_M, INK_RGB)
+
+
+def recorded_ink(recording: Recording, robot: Baxter) -> Iterator[InkLine]:
+    """The strokes of pens: below the tip, from where a pen touches a body until it leaves it."""
+    times, down = recording.times_s, dict[str, Event]()
+    for event in recording.events:
+        if event.side is None:
+            continue
+        if event.kind is EventKind.PEN_DOWN:
+            down[event.side] = event
+        elif event.kind is EventKind.PEN_UP and event.side in down:
+            begin = down.pop(event.side)
+            first, end = np.searchsorted(times, [begin.time_s, event.time_s])
+            rows = slice(max(first - 1, 0), end + 1)
+            joints = list(robot.indices(robot.arm(event.side).joint_names))
+            points = robot.arm(event.side).T_base_tips(recording.q[rows][:, joints])[:, :3, 3]
+            points = on_paper(points, begin.body)
+            chosen = _key_points(points, INK_SEGMENT_M, INK_TOLERANCE_M)
+            if len(chosen) > 1:
+                yield InkLine(times[rows][chosen], points[chosen])
+
+
+def on_paper(points_base: FloatArray, body: Body | None) -> FloatArray:
+    """Points of a tip, shape (n, 3), moved down to the top of the body that it draws on."""
+    found = points_base.copy()
+    if body is not None:
+        found[:, 2] = body.extent_m((0.0, 0.0, 1.0))[1]
+    return found
 
 
 class TipPath:
@@ -401,3 +482,41 @@ class TipPath:
                 removed.append(delete(self._kept.popleft()))
         line = line_command(path, np.array(self._points), PATH_RADIUS_M, line_rgb(self._is_holding))
         return [*removed, line]
+
+
+class Ink:
+    """The strokes of pens in a live view.
+
+    Attributes:
+        strokes: number of strokes so far.
+    """
+
+    def __init__(self) -> None:
+        """Begin without ink; strokes are nodes under `INK_PATH`."""
+        self.strokes = 0
+        self._pens: dict[str, tuple[Body | None, list[FloatArray]]] = {}
+        self._pieces = 0
+
+    def touch(self, side: str, body: Body | None) -> None:
+        """Begin a stroke of a hand on a body."""
+        self.strokes += 1
+        self._pens[side] = body, []
+
+    def leave(self, side: str) -> None:
+        """End the stroke of a hand."""
+        self._pens.pop(side, None)
+
+    def advance(self, side: str, point_base: FloatArray) -> list[Command]:
+        """The commands after a motion of a tip to a position, shape (3,), m; mostly none."""
+        if side not in self._pens:
+            return []
+        body, points = self._pens[side]
+        point = on_paper(point_base[None], body)[0]
+        if points and np.linalg.norm(point - points[-1]) < INK_SEGMENT_M:
+            return []
+        if not points or len(points) >= MAX_PIECE_POINTS:
+            del points[:-1]
+            self._pieces += 1
+        points.append(point)
+        path = f"{INK_PATH}/{self._pieces}"
+        return [InkLine(np.zeros(0), np.array(points)).command(path)] if len(points) > 1 else []

@@ -1,4 +1,4 @@
-"""What the page's panel shows of the arms: joints, waypoints, and what the grippers do.
+"""What the page's panel shows of the arms: joints, bounds, waypoints, and what the grippers do.
 
 Joints are shown against their limits over time. Where a move was recorded, angles, velocities and
 accelerations are those of its exact cubics, with all instants at which a jerk changes among the
@@ -11,20 +11,23 @@ the first recordings, have no effect here.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, Baxter, JointLimits
 from baxter_kin.description.hands import finger_joints
 from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, Indices
+from planner import Move
+from planner.motion.paths.straight_line import Turn
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import ArmMotion, RecordedMove
+from sim.recording.recorded_motion import ROUNDING_S, ArmMotion, RecordedMove
 from sim.recording.recording import Recording
-from sim.view.animation import key_samples
+from sim.view.animation import frame_samples, key_samples
 from sim.view.meshcat_commands import Command, short_numbers
 
 MAX_ROWS = 1500
@@ -140,6 +143,61 @@ def key_rows(motion: ArmMotion, limits: Command, until_s: float = np.inf) -> Ind
         rows = rows[key_samples(times[rows], scaled[rows], tolerance)]
     kept: Indices = first[np.union1d(rows, peaks)]
     return kept
+
+
+def recorded_bounds(recording: Recording, robot: Baxter) -> list[Command]:
+    """What moves were to keep within a bound, and how far they went, by kind.
+
+    Kinds are "distance", m, and "turn", rad, of a tip from its path, and "tilt", rad, of a held
+    body. Each has spans of time with values at times in seconds from the start, and their limit.
+    """
+    kinds: dict[str, list[Command]] = {}
+    begun = [event for event in recording.events if event.kind is EventKind.MOVE_STARTED]
+    for number, event in enumerate(begun):
+        if event.move is None or event.side is None:
+            continue
+        later = (other.time_s for other in begun[number + 1 :] if other.side == event.side)
+        end_s = min([event.time_s + event.move.trajectory.duration, *later])
+        first, end = np.searchsorted(recording.times_s, [event.time_s, end_s + ROUNDING_S])
+        if end < first + 2:
+            continue
+        rows = first + frame_samples(recording.times_s[first:end])
+        times_s = recording.times_s[rows]
+        for kind, values, limit in _bounded(
+            event.move, times_s - event.time_s, rows, recording, robot
+        ):
+            chosen = key_samples(times_s, values[:, None], ROW_TOLERANCE * limit)
+            kinds.setdefault(kind, []).append(
+                {
+                    "times": (times_s[chosen] - recording.times_s[0]).astype(np.float32),
+                    "values": values[chosen].astype(np.float32),
+                    "limit": limit,
+                }
+            )
+    return [{"kind": kind, "spans": spans} for kind, spans in kinds.items()]
+
+
+def _bounded(
+    move: Move, since_s: FloatArray, rows: Indices, recording: Recording, robot: Baxter
+) -> Iterator[tuple[str, FloatArray, float]]:
+    """Kind, values at recorded rows, shape (n,), and limit of what a move was to keep."""
+    arm = robot.arm(move.limb)
+    if move.path is not None:
+        q = recording.q[rows][:, list(robot.indices(arm.joint_names))]
+        off, tolerance = move.path.deviations(arm.T_base_tips(q), since_s), move.path.tolerance
+        yield "distance", off.off_m, tolerance.position_m
+        if tolerance.turn is not Turn.FREE:
+            yield "turn", off.off_rad, tolerance.rotation_rad
+    held = None if move.state is None else move.state.holding(move.limb)
+    if held is None or held.body not in recording.body_poses:
+        return
+    for claim in move.claims:
+        if claim.kind == "upright":
+            axis = np.array([claim.values[f"axis_{name}"] for name in "xyz"])
+            quats = recording.body_poses[held.body][rows, 3:]
+            up = np.array([pin.Quaternion(quat).matrix() @ axis for quat in quats])
+            tilt = np.arctan2(np.hypot(up[:, 0], up[:, 1]), up[:, 2])
+            yield "tilt", tilt, claim.values["max_tilt_rad"]
 
 
 def waypoints(

@@ -32,7 +32,9 @@ from sim.view.meshcat_commands import Command, shared_geometries
 from sim.view.overlays import (
     GHOST_PATH,
     GOALS_PATH,
+    INK_PATH,
     NEAREST_PATH,
+    InkLine,
     PathPiece,
     frame_commands,
     frame_paths,
@@ -41,10 +43,17 @@ from sim.view.overlays import (
     goal_commands,
     layers,
     nearest_command,
+    recorded_ink,
     recorded_paths,
     varying_parts,
 )
-from sim.view.panel import GripperPhase, gripper_timelines, recorded_arms, waypoints
+from sim.view.panel import (
+    GripperPhase,
+    gripper_timelines,
+    recorded_arms,
+    recorded_bounds,
+    waypoints,
+)
 from sim.view.scenegraph import RobotTree, body_commands, stage_commands
 from sim.view.webpage import encoded, page
 
@@ -211,6 +220,9 @@ def replay_content(
         f"/path/{number}": piece
         for number, piece in enumerate(recorded_paths(recording, robot, phases))
     }
+    ink = {
+        f"{INK_PATH}/{number}": line for number, line in enumerate(recorded_ink(recording, robot))
+    }
     appearance = Appearance.of(robot)
     tree = RobotTree(robot.model, appearance)
     tracks = list(recorded_tracks(recording, tree))
@@ -231,6 +243,7 @@ def replay_content(
         *(() if drawn is None else tree.body_commands(drawn)),
         *(part for each in recording.bodies.values() for part in body_commands(each)),
         *(line for path, piece in pieces.items() for line in piece.commands(path)),
+        *(line.command(path) for path, line in ink.items()),
         *goals,
         *frame_commands(robot, tree),
         *ghost,
@@ -242,8 +255,9 @@ def replay_content(
         "geometries": geometries,
         "commands": commands,
         "duration": duration_s,
-        **_timeline(recording, phases, pieces),
+        **_timeline(recording, phases, pieces, ink),
         "arms": recorded_arms(recording, robot),
+        "bounds": recorded_bounds(recording, robot),
         "clearance": clearance,
         "unmeasured": reason,
         "waypoints": waypoints(recording.moves, *recording.times_s[[0, -1]].tolist()),
@@ -252,6 +266,7 @@ def replay_content(
                 "robot": tree.mesh_paths,
                 "body": () if drawn is None else tree.body_paths(drawn),
                 "paths": ("/path",),
+                "ink": (INK_PATH,) if ink else (),
                 "goals": (GOALS_PATH,) if goals else (),
                 "frames": frame_paths(robot, tree),
                 "ghost": (GHOST_PATH,) if ghost else (),
@@ -275,8 +290,9 @@ def _timeline(
     recording: Recording,
     phases: Mapping[str, Sequence[tuple[float, GripperPhase]]],
     pieces: Mapping[str, PathPiece],
+    ink: Mapping[str, InkLine],
 ) -> Command:
-    """Captions, seeds, gripper phases, marks and paths, with times in seconds from the start."""
+    """Captions, seeds, gripper phases, marks, paths, ink; times in seconds from the start."""
     start_s = float(recording.times_s[0])
     moved = {piece.side for piece in pieces.values()}
     return {
@@ -295,6 +311,9 @@ def _timeline(
         "paths": [
             {"path": path, "times": (piece.times_s - start_s).tolist()}
             for path, piece in pieces.items()
+        ],
+        "ink": [
+            {"path": path, "times": (line.times_s - start_s).tolist()} for path, line in ink.items()
         ],
         "sides": [side for side in phases if side in moved or len(phases[side]) > 1],
     }

@@ -32,6 +32,7 @@ from baxter_kin.validation import expect, expect_all, finite_scalar, positive_sc
 from planner import (
     Body,
     Cylinder,
+    LineTolerance,
     Manipulator,
     Part,
     PickAndPlace,
@@ -53,9 +54,18 @@ from sim.errors import SimulationError
 from sim.events import Observer
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
-from sim.simulation import Simulation
+from sim.simulation import Simulation, Strokes
 from sim.view.replay import Replay
 from sim.workbench import tabletop
+from sim.workbench.drawing import (
+    PEN_M,
+    TOLERANCE,
+    Drawing,
+    Stroke,
+    plan_drawing,
+    points_of,
+    strokes_of,
+)
 from sim.world.world import World
 
 _LOG = logging.getLogger(__name__)
@@ -304,6 +314,47 @@ class Workbench(OneLine):
         self.tasks.append(result)
         return result
 
+    def draw(
+        self,
+        drawing: Drawing,
+        *,
+        height_m: float = PEN_M,
+        tolerance: LineTolerance = TOLERANCE,
+        arm: str | None = None,
+    ) -> TaskResult:
+        """Draw on the table with a pen that reaches down from the tip.
+
+        The hand points down. It draws stroke after stroke and rises by 5 mm in between, in one
+        motion without stops, or in several where none is found; corners are rounded within the
+        tolerance. The replay shows the ink.
+
+        Args:
+            drawing: a text, a path or several (`Polyline`, `Arc`, `Curve`; their x and y count), a
+                stroke as an array of x and y in base, m, or several strokes.
+            height_m: height of the tip above the table while it draws: the length of the pen.
+            tolerance: maximum deviation of the tip from its path. `LineTolerance.about("z", ...)`
+                lets the hand turn about the pen.
+            arm: "left" or "right"; when not given, the one on whose side most of the drawing is, or
+                else the other one.
+
+        Returns:
+            The result; where it cannot be done, with the reason.
+
+        Raises:
+            SimulationError: when the drawing is malformed, or the arm has no fingers.
+            MotionError: when a path or the tolerance is invalid.
+            MissingLibraryError: when a text is given, and Hershey-Fonts is not installed.
+        """
+        height = positive_scalar(height_m, "height_m", SimulationError)
+        expect(tolerance, LineTolerance, "tolerance", MotionError)
+        strokes = strokes_of(drawing, tabletop.TABLE_Z_M + height)
+        sides = (self._side(arm),) if arm is not None else self._sides_of(strokes)
+        result = self._drawn(strokes, tolerance, sides)
+        if isinstance(drawing, str):
+            result = evolve(result, task=f"draw {quoted(drawing)}")
+        self.tasks.append(result)
+        return result
+
     def withdraw(self, arm: str) -> TaskResult:
         """Bring an empty arm back beside the table, out of the other's way."""
         side, task = self._side(arm), f"withdraw the {arm} arm"
@@ -344,10 +395,15 @@ class Workbench(OneLine):
             SimulationError: when it has the wrong type, is for another robot, or starts elsewhere.
         """
         expect(plan, Plan, "plan", SimulationError)
+        return self._verified_and_executed(plan, title)
+
+    def _verified_and_executed(
+        self, plan: Plan, title: str, strokes: Strokes | None = None
+    ) -> tuple[str, bool]:
         certificate = verify(plan, description=self.robot.description)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}{self._withdrawal_hint(plan)}", False
-        outcome = self.simulation.execute(plan, title, certificate=certificate)
+        outcome = self.simulation.execute(plan, title, certificate=certificate, strokes=strokes)
         self.motion_s += plan.motion_time_s
         return outcome.failure or f"verified, {len(certificate.checks)} checks", outcome.is_success
 
@@ -431,6 +487,33 @@ class Workbench(OneLine):
             reasons.append(reason)
         planning_s = time.perf_counter() - began
         return TaskResult.refused(body.name, "; ".join(reasons), planning_s, plan)
+
+    def _drawn(
+        self, strokes: Sequence[Stroke], tolerance: LineTolerance, sides: Sequence[str]
+    ) -> TaskResult:
+        """Draw with the first arm that can."""
+        table, began = self.world.body(tabletop.TABLE), time.perf_counter()
+        places = (pin.SE3(np.eye(3), point) for point in points_of(strokes))
+        reasons = list(filter(None, (tabletop.beside(place, table) for place in places)))[:1]
+        for side in () if reasons else sides:
+            manipulator = self.arm(side)
+            try:
+                found = plan_drawing(manipulator, self.world.state, strokes, tolerance)
+            except MotionError as failure:
+                reasons.append(f"{side} arm, {failure}")
+                continue
+            planning_s = time.perf_counter() - began
+            ink = Strokes(tabletop.TABLE, found.times_s)
+            verdict, is_done = self._verified_and_executed(found.plan, f"{side} arm, ", ink)
+            motion_s, plan = found.plan.motion_time_s, found.plan
+            return TaskResult("draw", "", side, motion_s, planning_s, None, verdict, is_done, plan)
+        verdict, planning_s = f"refused: {'; '.join(reasons)}", time.perf_counter() - began
+        return TaskResult("draw", "", "", 0.0, planning_s, None, verdict, False)
+
+    def _sides_of(self, strokes: Sequence[Stroke]) -> tuple[str, ...]:
+        """The arms, the one first on whose side most of the strokes are."""
+        is_left = float(points_of(strokes)[:, 1].mean()) >= 0.0
+        return tuple(sorted(self._arms, reverse=not is_left))
 
     def _carried_after_withdrawal(
         self,

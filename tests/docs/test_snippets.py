@@ -20,6 +20,7 @@ LONG = (
     "plan_around_obstacles",
     "follow_a_path",
     "into_a_shelf",
+    "draw",
     "keep_it_upright",
     "proofs",
     "record_and_replay",

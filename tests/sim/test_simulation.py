@@ -13,6 +13,7 @@ from planner import Body, PickAndPlace, Plan, PlanFailure, Scene, plan_pick_and_
 from planner.errors import SceneError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import EventKind, Outcome, Simulation, SimulationError
+from sim.simulation import Strokes
 from sim.timeline import DEFAULT_TICK_S
 from sim.world import Push
 from tests.sim.runs import PICK, PLACE, Run
@@ -249,7 +250,7 @@ class TestRefusals:
         with pytest.raises(SimulationError):
             Simulation(**{"world": run.world, **options})
 
-    def test_invalid_arguments(self, run: Run) -> None:
+    def test_invalid_arguments(self, run: Run, plan: Plan) -> None:
         wrong: Any
         for wrong in (-1e-9, np.nan, 1e6, None):
             with pytest.raises(SimulationError):
@@ -257,6 +258,12 @@ class TestRefusals:
         wrong = "plan"
         with pytest.raises(SimulationError):
             run.simulation.execute(wrong)
+        for wrong in ([[0.0, 1.0]], Strokes("brick", np.array([[0.0, 1.0]]))):
+            with pytest.raises((SimulationError, SceneError)):
+                run.simulation.execute(plan, strokes=wrong, unverified=True)
+        for wrong in ([[1.0, 0.5]], [[-0.1, 0.5]], [[0.0, 1.0], [0.5, 2.0]], [0.0, 1.0]):
+            with pytest.raises(SimulationError):
+                Strokes("table", wrong)
         assert run.simulation.time_s == 0.0
 
     def test_bodies_that_are_there_already_or_not(self, run: Run, block: Body) -> None:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin import JointLimits
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import Arm
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
 from planner.motion.joint_move import rest_to_rest_s
@@ -112,7 +113,7 @@ class Windows:
                 ahead = ()
             else:
                 break
-        return found
+        return [*found[:1], *(_continuing(*pair) for pair in pairwise(found))]
 
     def _kept(self, count: int) -> int:
         """How many pieces of a window are kept that is not the last one."""
@@ -235,6 +236,18 @@ class Windows:
         before, after = (self._arm.T_base_tips(motion.sample(t).q)[:, :3, 3] for t in pair_s)
         speeds = np.linalg.norm(after - before, axis=1) / DIFFERENCE_S
         return bool((speeds <= MAX_SPEED * self._task.speed_m_s).all())
+
+
+def _continuing(before: Trajectory, motion: Trajectory) -> Trajectory:
+    """A motion that begins with the acceleration in which another one ends.
+
+    The solver meets it to some 1e-8, and a trajectory may jump by at most that. The velocity after
+    the first interval is then off by half of the difference times its length.
+    """
+    a, j = motion.a.copy(), motion.j.copy()
+    a[0] = before.a[-1]
+    j[0] = (a[1] - a[0]) / motion.knots_s[1]
+    return evolve(motion, a=a, j=j)
 
 
 @lru_cache(maxsize=64)

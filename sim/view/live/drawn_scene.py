@@ -12,12 +12,15 @@ from baxter_kin.display import quoted
 from baxter_kin.validation import FloatArray
 from planner import Body, Scene
 from sim.errors import ViewerError
+from sim.events import Event, EventKind
 from sim.recording.recorded_motion import RecordedMove
 from sim.view.appearance import Appearance
 from sim.view.meshcat_commands import Command, delete, set_property
 from sim.view.overlays import (
     GOALS_PATH,
+    INK_PATH,
     NEAREST_PATH,
+    Ink,
     TipPath,
     frame_commands,
     frame_paths,
@@ -57,6 +60,7 @@ class DrawnScene:
         self._goals = 0
         self._joints = {s: list(robot.indices(arm.joint_names)) for s, arm in robot.arms.items()}
         self._tip_paths = {side: TipPath(side) for side in robot.arms}
+        self._ink = Ink()
         self._poses: dict[str, FloatArray] = {}
         self.q = np.full(len(self._tree.paths), np.nan)
         self.bodies: dict[str, Body] = {}
@@ -79,6 +83,7 @@ class DrawnScene:
             {
                 "robot": self._tree.mesh_paths,
                 "paths": ["/path"],
+                "ink": [INK_PATH] if self._ink.strokes else [],
                 "goals": [GOALS_PATH],
                 "frames": frame_paths(self._robot, self._tree),
                 "nearest": [NEAREST_PATH],
@@ -93,6 +98,13 @@ class DrawnScene:
         self._goals += 1
         hand = hand_commands(path, self._robot, move.limb, q, self._appearance)
         return [delete(path), *hand]
+
+    def on_pen(self, event: Event) -> None:
+        """Begin or end a stroke."""
+        if event.kind is EventKind.PEN_DOWN and event.side is not None:
+            self._ink.touch(event.side, event.body)
+        elif event.kind is EventKind.PEN_UP and event.side is not None:
+            self._ink.leave(event.side)
 
     def add_body(self, body: Body) -> list[Command]:
         """Draw a body at its pose, in place of one of the same name."""
@@ -122,16 +134,17 @@ class DrawnScene:
         return removed + [command for body in new for command in self.add_body(body)]
 
     def clear_run(self) -> list[Command]:
-        """Remove the lines that the tips have drawn, and the goals."""
+        """Remove the lines that the tips have drawn, the ink and the goals."""
         self._tip_paths = {side: TipPath(side) for side in self._robot.arms}
+        self._ink = Ink()
         self._goals = 0
         goals = [delete(f"{GOALS_PATH}/{number}") for number in range(MAX_GOALS)]
-        return [*goals, *(delete(f"/path/{side}") for side in self._robot.arms)]
+        return [*goals, delete(INK_PATH), *(delete(f"/path/{side}") for side in self._robot.arms)]
 
     def move(
         self, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], holding: Mapping[str, bool]
     ) -> list[Command]:
-        """Move the joints and bodies that are elsewhere now, and extend the tips' lines.
+        """Move the joints and bodies that are elsewhere now, and extend the tips' lines and ink.
 
         Args:
             q: full configuration, shape (19,), rad and m.
@@ -142,6 +155,7 @@ class DrawnScene:
         for side, arm in self._robot.arms.items():
             point, is_holding = arm.T_base_tip(q[self._joints[side]]).translation, holding.get(side)
             commands += self._tip_paths[side].advance(point.copy(), is_holding=bool(is_holding))
+            commands += self._ink.advance(side, point)
         return commands
 
     def _joint_commands(self, q: FloatArray) -> Iterator[Command]:

@@ -152,6 +152,9 @@ class Viewer(NotCopied, Observer):
             self._server.publish(self._scene.add_body(event.body))
         elif event.body is not None and event.kind is EventKind.DELETED:
             self._server.publish(self._scene.replace_bodies([event.body.name], Scene({})))
+        elif event.kind in (EventKind.PEN_DOWN, EventKind.PEN_UP):
+            self._scene.on_pen(event)
+            self._server.publish([], layers=self._scene.layers())
         elif (move := recorded_move(event)) is not None:
             self._server.publish(self._scene.add_goal(move))
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
-from planner import Body
+from planner import Body, tilt_of
+from sim import Workbench
 from sim.events import Event, EventKind
 from sim.recording.recording import Recording
 from sim.view.panel import (
@@ -25,6 +26,7 @@ from sim.view.panel import (
     key_rows,
     moving_arms,
     recorded_arms,
+    recorded_bounds,
     waypoints,
 )
 
@@ -43,6 +45,22 @@ def arm(executed: Recording, robot: Baxter) -> dict[str, Any]:
     arms = recorded_arms(executed, robot)
     assert list(arms) == ["left"]
     return arms["left"]
+
+
+def test_the_tilt_of_what_is_kept_upright_is_shown_against_its_limit(robot: Baxter) -> None:
+    bench = Workbench(robot)
+    bench.add_block("red", 0.70, 0.25)
+    bench.add_obstacle("wall", 0.70, 0.08, size_m=(0.30, 0.02, 0.20))
+    task = bench.carry("red", to=(0.70, -0.08), arm="left", upright_deg=3.0)
+    assert task.is_done, task
+    assert task.plan is not None
+    (bound,) = recorded_bounds(bench.recording(), robot)
+    assert bound["kind"] == "tilt"
+    assert len(bound["spans"]) == sum(bool(move.claims) for move in task.plan.moves)
+    greatest = max(span["values"].max() for span in bound["spans"])
+    assert {span["limit"] for span in bound["spans"]} == {np.radians(3.0)}
+    assert greatest <= np.radians(3.0)
+    assert greatest == pytest.approx(tilt_of(task.plan), rel=0.02)
 
 
 def test_arms_at_rest_have_no_curves(executed: Recording, robot: Baxter) -> None:

@@ -9,7 +9,7 @@ const SHOW = {
   clearance: addClearance,
   unmeasured: (reason) => { telemetry.unmeasured = reason; telemetry.version += 1; pointPanel(panelTime()); },
   waypoints: (waypoints) => { telemetry.waypoints = waypoints; listWaypoints(); },
-  layers: showLayers,
+  layers: (list) => { showLayers(list); document.body.classList.toggle("inked", list.some(({ id }) => id === "ink")); },
   clock: showClock,
   replay: becomeReplay,
 };

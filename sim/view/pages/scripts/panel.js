@@ -1,5 +1,11 @@
-// The side panel: joints, clearance and waypoints, at the time of the scrubber.
+// The side panel: joints, bounds, clearance and waypoints, at the time of the scrubber.
 const QUANTITIES = { q: ["Angle", "rad", 2], v: ["Velocity", "rad/s", 2], a: ["Acceleration", "rad/s²", 2] };
+// What moves keep within a bound: label, unit, digits, and the size of the unit.
+const BOUNDS = {
+  distance: ["Distance from the path", "\u00a0mm", 2, 1e-3],
+  turn: ["Turn from the path", "°", 2, Math.PI / 180],
+  tilt: ["Tilt of what is held", "°", 1, Math.PI / 180],
+};
 const UNMEASURED = {
   motion: "Not measured: no arm has moved.",
   body: "Not measured: the robot lacks links of the body that clearances are measured with.",
@@ -11,7 +17,7 @@ const HIGH_PX = 640;
 const BOTH = "both";
 const LANE_OFFSET = 1.15; // of both arms' curves in one plot: the left arm's above, the right arm's below
 
-const panel = { plots: {}, clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, from: 0, refreshed: 0, waiting: 0, time: 0, waypoints: null };
+const panel = { plots: {}, bounds: [], clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, from: 0, refreshed: 0, waiting: 0, time: 0, waypoints: null };
 
 // Where the panel is: the replay's time, or now.
 const panelTime = () => panel.time;
@@ -114,12 +120,52 @@ function bringOut(j) {
   drawPanel();
 }
 
+// A plot for each kind of bound; the words above it follow the time.
+function listBounds() {
+  element("bound-section").hidden = !telemetry.bounds.length;
+  panel.bounds = telemetry.bounds.map(({ kind, spans }) => {
+    const canvas = make("canvas", {});
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${BOUNDS[kind][0]} over time; the line above has the number`);
+    const words = make("figcaption", {});
+    const figure = make("figure", {}, words, make("div", { className: "plot" }, canvas, make("i", {})));
+    return { kind, spans, words, figure, plot: createPlot(figure, seekFromPanel) };
+  });
+  element("bounds").replaceChildren(...panel.bounds.map(({ figure }) => figure));
+}
+
+function boundPicture({ kind, spans }) {
+  const { from, to } = plotWindow(panel.time);
+  const [, , , unit] = BOUNDS[kind];
+  const shown = spans.filter(({ times }) => times[0] <= to && times[times.length - 1] >= from);
+  const high = Math.max(...spans.map(({ limit }) => limit), ...spans.flatMap(({ values }) => Array.from(values))) / unit;
+  const curves = shown.flatMap(({ times, values, limit }) => [
+    { times: [times[0], times[times.length - 1]], values: () => limit / unit, colour: "--limit", dash: [6, 4], width: 1.2 },
+    { times, values: (i) => values[i] / unit, colour: "--bound", dash: [], width: 2 },
+  ]);
+  return { from, to, low: 0, high: 1.08 * high, curves, rules: [0, high / 2, high].map((at) => ({ at, label: short(at) })) };
+}
+
+const short = (value) => String(Number(value.toPrecision(2)));
+
+function showBounds(time) {
+  for (const { kind, spans, words } of panel.bounds) {
+    const [label, name, digits, unit] = BOUNDS[kind];
+    const span = spans.find(({ times }) => times[0] <= time && time <= times[times.length - 1] + 1e-6);
+    if (!span) { write(words, `${label}, ${name.trim()}`); continue; }
+    const [i, share] = bracket(span.times, time);
+    const value = span.values[i] + (share ? share * (span.values[i + 1] - span.values[i]) : 0);
+    write(words, `${label}: ${(value / unit).toFixed(digits)} of ${short(span.limit / unit)}${name}`);
+  }
+}
+
 // Draw the curves; the cursor and the numbers follow in pointPanel.
 function drawPanel() {
   if (element("panel").hidden || !viewer) return;
   panel.drawn = telemetry.version;
   panel.from = plotWindow(panel.time).from;
   if (shownArms().length) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(key));
+  for (const bound of panel.bounds) bound.plot.draw(boundPicture(bound));
   element("clearance-section").hidden = !telemetry.clearance && !telemetry.unmeasured;
   element("plot-clearance").hidden = !telemetry.clearance;
   if (telemetry.clearance) panel.clearance.draw(clearancePicture(telemetry.clearance));
@@ -179,7 +225,7 @@ function pointPanel(time, { isNow = false } = {}) {
   panel.time = time;
   showNearest(clearanceAt(time));
   if (element("panel").hidden) return;
-  for (const plot of [...Object.values(panel.plots), panel.clearance]) plot.point(time);
+  for (const plot of [...Object.values(panel.plots), ...panel.bounds.map(({ plot: one }) => one), panel.clearance]) plot.point(time);
   clearTimeout(panel.waiting);
   const wait = isNow ? 0 : panel.refreshed + REFRESH_MS - performance.now();
   if (wait > 0) panel.waiting = setTimeout(refreshPanel, wait);
@@ -190,6 +236,7 @@ function refreshPanel() {
   panel.refreshed = performance.now();
   if (panel.drawn !== telemetry.version || panel.from !== plotWindow(panel.time).from) return drawPanel();
   showNumbers(panel.time);
+  showBounds(panel.time);
   showPair(clearanceAt(panel.time));
   showWaypoint(panel.time);
 }

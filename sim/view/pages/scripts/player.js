@@ -17,10 +17,13 @@ function line({ path, times }) {
   return { times, behind: part("behind"), ahead: part("ahead") };
 }
 
+// Ink is not there before it is drawn.
+const inkLine = ({ path, times }) => ({ times, behind: drawnAt(nodeAt(path)).geometry });
+
 function showLine({ times, behind, ahead }) {
   const passed = INDICES_PER_SEGMENT * Math.max(0, countUntil(times, replay.time) - 1);
   behind.setDrawRange(0, passed);
-  ahead.setDrawRange(passed, Infinity);
+  if (ahead) ahead.setDrawRange(passed, Infinity);
 }
 
 // The last of [time, ...values] that has passed.
@@ -177,7 +180,7 @@ function actionPoints() {
 }
 
 function clearScene() {
-  for (const name of ["robot", "bodies", "path", "goals", "frames", "ghost", "nearest"]) {
+  for (const name of ["robot", "bodies", "path", "ink", "goals", "frames", "ghost", "nearest"]) {
     if (nodeAt(name)) viewer.handle_command({ type: "delete", path: `/${name}` });
   }
 }
@@ -190,13 +193,15 @@ function startReplay(content, { time = 0 } = {}) {
   draw(recording.commands, recording.geometries);
   viewer.animator.play(); // binds the tracks to the nodes; without it they cannot be moved
   viewer.animator.pause();
-  lines = recording.paths.map(line);
+  lines = [...recording.paths.map(line), ...recording.ink.map(inkLine)];
   replay.duration = recording.duration;
   element("scrub").max = replay.duration;
   loadRecorded(recording);
   for (const side of ["left", "right"]) if (!recording.grippers[side]) write(element(`${side}-gripper`), "");
   showLayers(recording.layers);
   listArms();
+  listBounds();
+  document.body.classList.toggle("inked", recording.ink.length > 0);
   listStages(recording.captions);
   listWaypoints();
   showLanes();

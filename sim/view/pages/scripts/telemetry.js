@@ -4,7 +4,7 @@ const LIVE_WINDOW_S = 20;
 const MAX_SAMPLES = 4000;
 const SAME_PAIR_WITHIN_S = 0.5;
 
-const telemetry = { arms: {}, clearance: null, unmeasured: "", waypoints: [], from: 0, to: 1, version: 0 };
+const telemetry = { arms: {}, bounds: [], clearance: null, unmeasured: "", waypoints: [], from: 0, to: 1, version: 0 };
 
 // What the plots show of a replay or a live page: all of a short one, else the last seconds before the
 // time shown, and a little of what follows, so that the cursor is never at the edge.
@@ -22,6 +22,7 @@ function plotWindow(time) {
 function loadRecorded(content) {
   Object.assign(telemetry, {
     arms: content.arms || {},
+    bounds: content.bounds || [],
     clearance: content.clearance || null,
     unmeasured: content.unmeasured || "",
     waypoints: content.waypoints || [],

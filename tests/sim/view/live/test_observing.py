@@ -103,6 +103,32 @@ def test_the_held_body_is_shown(viewer: Viewer, page: Page, robot: Baxter, block
     page.wait_until(lambda page: page.told["grippers"].get("left") == ["holding block", "holding"])
 
 
+def test_ink_is_drawn_while_the_pen_touches(
+    viewer: Viewer, page: Page, robot: Baxter, table: Body
+) -> None:
+    def ink() -> set[str]:
+        return {path for path in page.drawn if path.startswith("/ink/")}
+
+    def layers() -> set[str]:
+        return {layer["id"] for layer in page.told["layers"]}
+
+    viewer.on_snapshot(snapshot(robot, 0))
+    page.wait_until(lambda _: "layers" in page.told)
+    assert "ink" not in layers()
+    viewer.on_event(Event(0.0, EventKind.PEN_DOWN, "stroke 1 begins", "left", body=table))
+    for tick in range(1, 100):
+        viewer.on_snapshot(snapshot(robot, tick))
+    page.wait_until(lambda _: "/ink/1" in ink() and "ink" in layers())
+    viewer.on_event(Event(1.0, EventKind.PEN_UP, "stroke 1 ends", "left", body=table))
+    for tick in range(101, 200):
+        viewer.on_snapshot(snapshot(robot, tick))
+    viewer.on_event(Event(2.0, EventKind.PEN_DOWN, "stroke 2 begins", "left", body=table))
+    for tick in range(201, 300):
+        viewer.on_snapshot(snapshot(robot, tick))
+    page.wait_until(lambda _: "/ink/2" in ink())
+    assert ink() == {"/ink/1", "/ink/2"}
+
+
 def test_a_tool_has_no_gripper_status() -> None:
     robot = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
     run = ShownRun(robot, State(Scene({}), {}))
