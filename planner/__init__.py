@@ -69,12 +69,16 @@ if TYPE_CHECKING:
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
+    from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
+    from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
     from planner.two_arms.together import plan_together as plan_together
     from planner.verification import Certificate as Certificate
     from planner.verification import MotionCertificate as MotionCertificate
     from planner.verification import PolynomialMotion as PolynomialMotion
+    from planner.verification import TwoArmCertificate as TwoArmCertificate
     from planner.verification import certify as certify
     from planner.verification import verify as verify
+    from planner.verification import verify_both as verify_both
 
 __all__, __getattr__ = lazy(
     __name__,
@@ -118,6 +122,7 @@ __all__, __getattr__ = lazy(
         "StraightMoveError": "planner.errors",
         "TrackingProof": "planner.pick_place.tracking",
         "Trajectory": "planner.trajectory",
+        "TwoArmCertificate": "planner.verification",
         "TwoArmPlan": "planner.two_arms.plan",
         "Upright": "planner.motion.upright",
         "certify": "planner.verification",
@@ -126,6 +131,7 @@ __all__, __getattr__ = lazy(
         "load_mesh": "planner.scene.mesh",
         "load_object": "planner.scene.objects",
         "load_plan": "planner.plan_file",
+        "load_two_arm_plan": "planner.two_arms.plan_file",
         "make_block": "planner.scene.objects",
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
@@ -139,9 +145,11 @@ __all__, __getattr__ = lazy(
         "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",
+        "save_two_arm_plan": "planner.two_arms.plan_file",
         "tilt_of": "planner.completion",
         "tool_of": "planner.grasping.tool",
         "transfer_bound_s": "planner.pick_place.candidates",
         "verify": "planner.verification",
+        "verify_both": "planner.verification",
     },
 )

@@ -61,9 +61,9 @@ MAX_COUNTS: Mapping[str, int] = FrozenMapping(
 """Maximum size of a plan and its scene. One pick and place has 9 steps, 200 segments, 2 bodies of 4
 parts. The cost of reading and checking a plan grows with these."""
 
-_NO_CHECKSUM = 64 * "0"
-_ENTRIES = ("format", "version", "sha256", "plan", "states")
-_CERTIFICATE = "certificate"
+NO_CHECKSUM = 64 * "0"
+ENTRIES = ("format", "version", "sha256", "plan", "states")
+CERTIFICATE = "certificate"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,9 +108,21 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
             cannot represent.
     """
     check_size(expect(plan, Plan, "plan", PlanFileError), plan.start, PlanFileError)
-    document = plan_document(plan)
+    write_document(plan_document(plan), path, certificate)
+
+
+def write_document(
+    document: dict[str, Json], path: PathLike, certificate: Mapping[str, Json] | None
+) -> None:
+    """Write the content of a plan file with its checksum; errors as of `save_plan`.
+
+    Args:
+        document: the entries, with `NO_CHECKSUM` as "sha256".
+        path: the file.
+        certificate: a further entry, or None.
+    """
     if certificate is not None:
-        document[_CERTIFICATE] = _json_of(certificate)
+        document = {**document, CERTIFICATE: _json_of(certificate)}
     content = as_lines(document).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
     if len(content) > MAX_FILE_BYTES:
@@ -119,7 +131,7 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
             f"{MAX_FILE_BYTES >> 20} MB are read again: split it"
         )
     try:
-        replace_file(path, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
+        replace_file(path, content.replace(NO_CHECKSUM.encode(), checksum, 1))
     except FileError as cause:
         raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
 
@@ -135,13 +147,21 @@ def _json_of(certificate: Mapping[str, Json]) -> Json:
 
 def plan_document(plan: Plan) -> dict[str, Json]:
     """The content of a plan file, without its checksum."""
+    data = to_json(without_states(plan), Plan, "plan", PlanFileError)
+    entries = (FORMAT, VERSION, NO_CHECKSUM, data, states_document(plan))
+    return dict(zip(ENTRIES, entries, strict=True))
+
+
+def without_states(plan: Plan) -> Plan:
+    """The plan without the states of its steps."""
+    return evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
+
+
+def states_document(plan: Plan) -> Json:
+    """What of each step's state differs from that of the step before."""
     states = [step.state for step in plan if step.state is not None]
     changes = tuple(map(_Change.between, (plan.start, *states), states))
-    bare = evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
-    data = to_json(bare, Plan, "plan", PlanFileError)
-    followed = to_json(changes, _Changes, "states", PlanFileError)
-    entries = (FORMAT, VERSION, _NO_CHECKSUM, data, followed)
-    return dict(zip(_ENTRIES, entries, strict=True))
+    return to_json(changes, _Changes, "states", PlanFileError)
 
 
 def load_plan(path: PathLike) -> Plan:
@@ -155,7 +175,7 @@ def load_plan(path: PathLike) -> Plan:
             which, and what to do.
     """
     try:
-        return _plan(_content(path))
+        return _plan(content_of(path))
     except PlanFileError as cause:
         raise PlanFileError(f"{shown_path(path)}: {cause}") from cause
 
@@ -180,38 +200,52 @@ def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
 
 
 def _plan(content: bytes) -> Plan:
-    document = from_text(content, PlanFileError)
-    if not isinstance(document, dict):
-        raise PlanFileError(f"is not a saved plan, but {shown(document)}; save_plan writes one")
-    if document.get("format") != FORMAT:
-        stated = shown(document["format"]) if "format" in document else "not stated"
-        raise PlanFileError(f"is not a saved plan: its format is {stated}; save_plan writes one")
-    version = document.get("version")
-    if type(version) is not int or version not in (VERSION, 3):
-        raise PlanFileError(
-            f"has version {shown(version)}, but only {VERSION} and 3 are read here, which say for "
-            "which robot the plan is: plan again with this version of the toolkit"
-        )
-    entries = _ENTRIES if version == VERSION else _ENTRIES[:-1]
-    further = (_CERTIFICATE,) if version == VERSION else ()
-    if tuple(document) not in (entries, entries + further):
-        raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(entries)}")
-    stated = str(document["sha256"])
-    blank = content.replace(stated.encode(errors="replace"), _NO_CHECKSUM.encode(), 1)
-    if hashlib.sha256(blank).hexdigest() != stated:
-        raise PlanFileError("was changed after it was saved, or damaged: its checksum does not fit")
-    if version == VERSION:
+    document = document_of(content, FORMAT, (VERSION, 3))
+    if document["version"] == VERSION:
         plan: Plan = from_json(document["plan"], Plan, "plan", PlanFileError)
-        changes: _Changes = from_json(document["states"], _Changes, "states", PlanFileError)
-        plan = _followed(plan, changes)
+        plan = with_states(plan, document["states"], "states")
     else:
         plan = _of_version_3(document["plan"])
     check_size(plan, plan.start, PlanFileError)
     return plan
 
 
-def _followed(plan: Plan, changes: _Changes) -> Plan:
-    """A plan with the states of its steps."""
+def document_of(content: bytes, kind: str, versions: tuple[int, ...]) -> dict[str, Json]:
+    """The entries of a file of some format, whose checksum fits.
+
+    Args:
+        content: of the file.
+        kind: the format.
+        versions: that are read, the newest first; the third has no states and no certificate.
+    """
+    document = from_text(content, PlanFileError)
+    if not isinstance(document, dict):
+        raise PlanFileError(f"is not a saved plan, but {shown(document)}; save_plan writes one")
+    if document.get("format") != kind:
+        stated = shown(document["format"]) if "format" in document else "not stated"
+        raise PlanFileError(f"is not a saved plan: its format is {stated}; save_plan writes one")
+    version = document.get("version")
+    if type(version) is not int or version not in versions:
+        read = " and ".join(map(str, versions))
+        raise PlanFileError(
+            f"has version {shown(version)}, but only {read} are read here, which say for which "
+            "robot the plan is: plan again with this version of the toolkit"
+        )
+    is_third = kind == FORMAT and version == 3
+    entries = ENTRIES[:-1] if is_third else ENTRIES
+    further = () if is_third else (CERTIFICATE,)
+    if tuple(document) not in (entries, entries + further):
+        raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(entries)}")
+    stated = str(document["sha256"])
+    blank = content.replace(stated.encode(errors="replace"), NO_CHECKSUM.encode(), 1)
+    if hashlib.sha256(blank).hexdigest() != stated:
+        raise PlanFileError("was changed after it was saved, or damaged: its checksum does not fit")
+    return document
+
+
+def with_states(plan: Plan, data: Json, what: str) -> Plan:
+    """A plan with the states of its steps, from what `states_document` made of them."""
+    changes: _Changes = from_json(data, _Changes, what, PlanFileError)
     if not changes:
         return plan
     if len(changes) != len(plan.steps):
@@ -221,7 +255,7 @@ def _followed(plan: Plan, changes: _Changes) -> Plan:
         for change in changes[1:]:
             states.append(change.of(states[-1]))
     except PlannerError as cause:
-        raise PlanFileError(f"states: {cause}") from cause
+        raise PlanFileError(f"{what}: {cause}") from cause
     steps = zip(plan.steps, states, strict=True)
     return evolve(plan, steps=tuple(evolve(step, state=state) for step, state in steps))
 
@@ -246,7 +280,8 @@ def _of_version_3(data: Any) -> Plan:
     return plan
 
 
-def _content(path: PathLike) -> bytes:
+def content_of(path: PathLike) -> bytes:
+    """The bytes of a plan file."""
     try:
         with open_to_read(path) as stream:
             content = stream.read(MAX_FILE_BYTES + 1)

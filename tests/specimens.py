@@ -92,6 +92,7 @@ def specimens_of(
             failure=planner.PlanFailure("place: descend", "both hands cannot be there at once"),
         ),
         "certificate": planner.verify(plan),
+        "certificate of both": planner.TwoArmCertificate({}, 1.0, "it failed"),
         "another motion": (
             motion,
             planner.certify(motion, "left", planner.State(Scene({}), joints)),

@@ -1,6 +1,7 @@
 """Check the certificate in a file: `python -m planner.certificate FILE --urdf FILE`.
 
-The file holds a plan (`planner.save_plan`) or a motion (`MotionCertificate.save`).
+The file holds a plan (`planner.save_plan`), one of both arms (`planner.save_two_arm_plan`) or a
+motion (`MotionCertificate.save`).
 
 Exit status: 0 certified, 1 not certified, 2 wrong usage or a file that cannot be read. Needs NumPy
 and nothing else. The URDF of a real robot is its parameter `/robot_description`; `python -m
@@ -14,7 +15,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from planner.certificate.checking import Certified, check, read_plan
+from planner.certificate.checking import (
+    TWO_ARM_FORMAT,
+    Certified,
+    check,
+    check_both,
+    read_plan,
+)
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.timeline import A_MAX_RAD_S2, J_MAX_RAD_S3, Limits
 
@@ -40,12 +47,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"planner.certificate: {cause}", file=sys.stderr)
         return 2
     try:
-        limits = Limits(options.a_max, options.j_max)
-        found = check(read_plan(content), urdf, limits=limits)
+        limits, document = Limits(options.a_max, options.j_max), read_plan(content)
+        if document["format"] == TWO_ARM_FORMAT:
+            parts = check_both(document, urdf, limits=limits)
+        else:
+            parts = {"": check(document, urdf, limits=limits)}
     except NotCertifiedError as reason:
         print(f"not certified: {reason}")
         return 1
-    print(_table(found))
+    for name, found in parts.items():
+        print(*filter(None, (name, _table(found))), sep="\n")
     return 0
 
 

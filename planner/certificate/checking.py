@@ -21,6 +21,13 @@ motion"`. In it, `plan` has `limb`, `start` and `failure` as in a plan file, and
 - `is_timed`: whether these are the motion's real times, so that its velocities are judged,
 - `a_max`, `j_max`: maximum accelerations and jerks, seven numbers, or null where not judged,
 - `contacts`: the bodies (`body`) that the hand ("left hand" as `other`) or a held body may touch.
+
+A plan of both arms on a common clock has the format "baxter-kin two-arm plan". In it, `plan` has
+`start`, `plans` ("left" and "right", each as in a plan file), `begins_s` (when the steps of each
+arm begin on the clock, s), `grip_s` (how long each gripper action takes on the clock, s) and
+`failure`; `states` has those of each arm. Its certificate has an entry as above for each arm, in a
+world without the other arm and without the bodies that the other arm handles, and one, `between`,
+whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
 """
 
 from __future__ import annotations
@@ -30,7 +37,7 @@ import binascii
 import json
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,10 +47,15 @@ from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.robot import Robot
 from planner.certificate.rows import BY_MIDDLES, Advice, Trace, certified_m
 from planner.certificate.timeline import MOTION, Limits, StepWitness, Timeline
+from planner.certificate.timeline.both_arms import LIMBS, BothArms
 
 PLAN_FORMAT, PLAN_VERSION = "baxter-kin plan", 4
 MOTION_FORMAT, MOTION_VERSION = "baxter-kin motion", 1
+TWO_ARM_FORMAT, TWO_ARM_VERSION = "baxter-kin two-arm plan", 1
 VERSION = 1
+
+BETWEEN = "between"
+"""The part of a certificate of both arms that is about one arm against the other."""
 
 MAX_PLAN_BYTES = 32 * 2**20
 MAX_LETTERS = 2_000_000
@@ -89,6 +101,12 @@ class Witness:
             binascii.Error,
         ) as cause:
             raise NotCertifiedError(f"the certificate is malformed: {cause!r}") from cause
+
+    def require_of(self, body: Body) -> None:
+        """Refuse a certificate of another body, or with margins that are no distances."""
+        require(self.body == body.digest, "the certificate is of another body of the robot")
+        is_distance = [0.0 <= step.margin_m < np.inf for step in self.steps]
+        require(is_distance, "a margin is negative or not finite")
 
     def for_file(self) -> dict[str, Any]:
         """The entry of a plan file."""
@@ -149,12 +167,13 @@ def read_plan(content: bytes) -> Mapping[str, Any]:
         raise NotCertifiedError(f"this is no plan file: {cause}") from cause
     require(isinstance(document, dict), "this is no plan file")
     kind = document.get("format"), document.get("version")
-    is_known = kind in ((PLAN_FORMAT, PLAN_VERSION), (MOTION_FORMAT, MOTION_VERSION))
-    require(
-        is_known,
-        f"this is no plan file of version {PLAN_VERSION}, and no motion of version "
-        f"{MOTION_VERSION}",
-    )
+    known = {
+        PLAN_FORMAT: PLAN_VERSION,
+        MOTION_FORMAT: MOTION_VERSION,
+        TWO_ARM_FORMAT: TWO_ARM_VERSION,
+    }
+    stated = ", ".join(f"{name!r} of version {version}" for name, version in known.items())
+    require(kind in known.items(), f"this is none of: {stated}")
     found: Mapping[str, Any] = document
     return found
 
@@ -183,9 +202,7 @@ def check(
         require("certificate" in document, "the file has no certificate")
         certificate = Witness.of_file(document["certificate"])
     body = Body(urdf) if body is None else body
-    require(certificate.body == body.digest, "the certificate is of another body of the robot")
-    margins = [step.margin_m for step in certificate.steps]
-    require([0.0 <= margin < np.inf for margin in margins], "a margin is negative or not finite")
+    certificate.require_of(body)
     try:
         plan = document["plan"]
         _require_steps(document["format"] == MOTION_FORMAT, plan["steps"])
@@ -195,15 +212,108 @@ def check(
         timeline = Timeline(plan, states, robot, body, certificate.steps, limits=limits)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
+    return replace(
+        _certified(timeline, body, certificate),
+        worst=timeline.worst,
+        assumed=tuple(timeline.assumed),
+        not_judged=tuple(timeline.not_judged),
+    )
+
+
+def check_both(
+    document: Mapping[str, Any],
+    urdf: str,
+    *,
+    body: Body | None = None,
+    limits: Limits | None = None,
+    certificates: Mapping[str, Witness] | None = None,
+) -> Mapping[str, Certified]:
+    """Certify a plan of both arms on a common clock.
+
+    Both hands must be empty at first. A gripper action must not take longer than the plan says, and
+    whatever delays one arm must delay the other: the clock is assumed.
+
+    Args:
+        document: content of its file.
+        urdf: text of the robot's URDF.
+        body: the robot's body; that of the URDF with the package's clusters when not given.
+        limits: maximum accelerations and jerks; the presets when not given.
+        certificates: of "left", "right" and "between"; those of the file when not given.
+
+    Returns:
+        What is certified of "left" and "right", each without the other, and "between" both.
+
+    Raises:
+        NotCertifiedError: when it is not certified; gives the reason.
+    """
+    body = Body(urdf) if body is None else body
+    try:
+        if certificates is None:
+            require("certificate" in document, "the file has no certificate")
+            stated = document["certificate"]
+            certificates = {part: Witness.of_file(stated[part]) for part in (*LIMBS, BETWEEN)}
+        for each in certificates.values():
+            each.require_of(body)
+        plan = document["plan"]
+        require(plan["failure"] is None, "the plan says itself that it failed")
+        timelines = {
+            side: Timeline(
+                own["plan"],
+                own["states"],
+                Robot(urdf, side),
+                body,
+                certificates[side].steps,
+                limits=limits,
+                is_alone=True,
+            )
+            for side, own in alone(document).items()
+        }
+        margins = [step.margin_m for step in certificates[BETWEEN].steps]
+        both = BothArms(body, timelines, plan["begins_s"], float(plan["grip_s"]), margins)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
+        raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
+    parts: dict[str, Timeline | BothArms] = {**timelines, BETWEEN: both}
+    found = {name: _certified(part, body, certificates[name]) for name, part in parts.items()}
+    arms = {side: replace(found[side], worst=timelines[side].worst) for side in LIMBS}
+    return {**found, **arms}
+
+
+def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """For each arm, the document of its own plan in a world without the other's bodies.
+
+    Raises:
+        NotCertifiedError: when both arms handle a body, or a hand is not empty at first.
+    """
+    plan = document["plan"]
+    start, bodies, found = plan["start"], plan["start"]["scene"]["bodies"], {}
+    require(not start["attachments"], "a hand holds something at first")
+    handled = {
+        side: {step["body"] for step in plan["plans"][side]["steps"] if step["type"] == "Grip"}
+        for side in LIMBS
+    }
+    shared = (handled["left"] & handled["right"]) - {None}
+    require(not shared, f"both arms handle {', '.join(map(str, sorted(shared)))}")
+    for side, other in (LIMBS, LIMBS[::-1]):
+        own = plan["plans"][side]
+        require(own["limb"] == side, f"the plan of the {side} arm is of the {own['limb']} arm")
+        kept = {name: body for name, body in bodies.items() if name not in handled[other]}
+        world = {**start, "scene": {**start["scene"], "bodies": kept}}
+        states = document["states"][side]
+        require(isinstance(states, list), "the states of the plan are malformed")
+        found[side] = {"plan": {**own, "start": world}, "states": states}
+    return found
+
+
+def _certified(timeline: Timeline | BothArms, body: Body, certificate: Witness) -> Certified:
+    """The clearances that a certificate shows of all steps of rows."""
     advice = Advice(certificate.trace)
     found = tuple(
-        (step.label, certified_m(robot, timeline.clusters, step, advice)) for step in timeline.steps
+        (step.label, certified_m(timeline.robot, timeline.clusters, step, advice))
+        for step in timeline.steps
     )
     require(advice.is_used_up, "the certificate goes on after the plan")
     rows = int((certificate.trace.letters <= BY_MIDDLES).sum())
-    assumed, not_judged = tuple(timeline.assumed), tuple(timeline.not_judged)
-    numbers = tuple(timeline.numbers)
-    return Certified(found, numbers, rows, body.bare, timeline.worst, assumed, not_judged)
+    return Certified(found, tuple(timeline.numbers), rows, body.bare, {})
 
 
 def _require_steps(is_motion: bool, steps: Sequence[Mapping[str, Any]]) -> None:

@@ -24,6 +24,8 @@ from planner.certificate.intervals import (
 BASE = "base"
 """The link in which poses are given."""
 
+OTHER_LIMB = {"left": "right", "right": "left"}
+
 ARM_JOINTS = 7
 FINGERS = 2
 
@@ -103,6 +105,8 @@ class Robot:
         moving = [link for link, joint in self._joints.items() if joint.kind != "fixed"]
         self.fingers: dict[str, float] = {}
         self.chain = [c for c in self._path(f"{limb}_gripper") if c in moving][::-1]
+        other = f"{OTHER_LIMB.get(limb)}_gripper"
+        self._other = [c for c in self._path(other) if c in moving][-1:] if other in self else []
         require(len(self.chain) == ARM_JOINTS, f"the robot has no {limb} arm of seven joints")
         wrist = self.chain[-1]
         self.sliding = frozenset(c for c in moving if self._joints[c].kind == "prismatic")
@@ -177,6 +181,10 @@ class Robot:
         return next(
             (c for c in path if c in self._joints and self._joints[c].kind != "fixed"), BASE
         )
+
+    def is_of_other(self, link: str) -> bool:
+        """Whether a link moves with the other arm."""
+        return any(first in self._path(link) for first in self._other)
 
     def joints_between(self, first: str, second: str) -> int:
         """Number of movable joints between two links."""

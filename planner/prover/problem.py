@@ -13,8 +13,7 @@ from planner.certificate.boxes import BoxTrace
 from planner.certificate.clusters import Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
-from planner.certificate.robot import Robot
-from planner.certificate.rows import Step, Trace
+from planner.certificate.rows import Joints, Step, Trace
 
 SHARES = (0.98, 0.9, 0.5, 0.0)
 """Shares of the smallest distance found that are to be proven; the next where one cannot be."""
@@ -37,8 +36,8 @@ class Chain(NamedTuple):
     offsets: Array
 
     @classmethod
-    def of(cls, robot: Robot) -> Chain:
-        """The chain of a robot's arm that moves."""
+    def of(cls, robot: Joints) -> Chain:
+        """The chain of a robot's arm that moves, or of both arms."""
         R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
         return cls(np.array(R), np.array(p), robot.offsets)
 

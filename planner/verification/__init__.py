@@ -4,6 +4,7 @@
 """
 
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - its error names what is missing
+from planner.verification.both_arms import TwoArmCertificate, certificate_of_both, verify_both
 from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
 from planner.verification.motion_certificate import MotionCertificate, PolynomialMotion, certify
@@ -15,7 +16,10 @@ __all__ = [
     "MotionCertificate",
     "PolynomialMotion",
     "Relation",
+    "TwoArmCertificate",
     "certificate_of",
+    "certificate_of_both",
     "certify",
     "verify",
+    "verify_both",
 ]

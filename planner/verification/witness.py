@@ -30,6 +30,7 @@ from planner.certificate.timeline import (
     Timeline,
     distance_m,
 )
+from planner.certificate.timeline.both_arms import BothArms
 from planner.certificate.timeline.touching import DistanceBounds
 from planner.errors import TaskError
 from planner.plan import Plan
@@ -79,7 +80,7 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
 
 
 def witness_of(
-    timeline: Timeline,
+    timeline: Timeline | BothArms,
     body: str,
     steps: Sequence[StepWitness],
     *,
@@ -89,7 +90,7 @@ def witness_of(
     """Find the rows of all steps of a plan.
 
     Args:
-        timeline: made with the same witnesses of steps.
+        timeline: made with the same witnesses of steps; or both arms on their clock.
         body: digest of the file of clusters.
         steps: the witness of each step of the plan, but for its margin.
         margins_m: the clearance that each step must keep; 0 when not given.
@@ -152,7 +153,12 @@ class SoughtTimeline(Timeline):
     """
 
     def __init__(
-        self, document: Mapping[str, Any], urdf: str, limits: Limits | None = None
+        self,
+        document: Mapping[str, Any],
+        urdf: str,
+        limits: Limits | None = None,
+        *,
+        is_alone: bool = False,
     ) -> None:
         """Follow a plan to its end.
 
@@ -160,12 +166,13 @@ class SoughtTimeline(Timeline):
             document: the content of a plan file.
             urdf: text of the robot's URDF.
             limits: maximum accelerations and jerks; the presets when not given.
+            is_alone: whether the other arm is left out.
         """
         self.found: list[StepWitness] = []
         plan, states = document["plan"], document["states"]
         unknown = [StepWitness()] * len(plan["steps"])
         robot, self._body = Robot(urdf, plan["limb"]), body_of(urdf)
-        super().__init__(plan, states, robot, self._body, unknown, limits=limits)
+        super().__init__(plan, states, robot, self._body, unknown, limits=limits, is_alone=is_alone)
 
     def witness(self) -> Witness:
         """The certificate with the greatest clearances that can be proven."""

@@ -47,6 +47,10 @@ ROUNDING = 1e-7
 STRAIGHT_M, STRAIGHT_RAD = 2e-4, 1e-3
 """How far a tip may leave a line, and turn, that counts as straight."""
 
+PATH_SAMPLES, PATH_SPARE, MAX_SPEED_OFF = 4000, 0.02, 0.02
+"""Number of samples of a piece of a path, the share of a tolerance that is lost between them, and
+how far a tip may be off a set speed."""
+
 MAX_DROP_M, MAX_FALL_M = 1e-2, 1.0
 """How far a body that is let go may fall, and how far its fall is followed."""
 
@@ -277,6 +281,12 @@ class _Check:
         if stage.held is not None:
             puts_down = grip is not None and not _closes(grip)
             yield from self._carried(run, links, stage.held, stage.tips(q), puts_down)
+        first = 0
+        for move in moves:
+            times_s, _ = sampled(move.trajectory)
+            if move.path is not None:
+                yield from off_path(move, stage.tips(q[first : first + len(times_s)]), times_s)
+            first += len(times_s)
         self._stage, self._released = stage.moved(q[-1]), None
 
     def _run(self, moves: list[Any]) -> tuple[_Run, Array]:
@@ -428,6 +438,60 @@ def stated_otherwise(step: Any, stage: Stage) -> Iterator[Finding]:
     own = [each.body for each in state.attachments if each.side == stage.limb]
     if own != ([] if stage.held is None else [stage.held.name]):
         yield Finding("is not what is held", step.label, str(own), "state")
+
+
+def off_path(move: Any, tips: Array, times_s: Array) -> Iterator[Finding]:
+    """Where the tip, shape (n, 4, 4), is off the path that a move states, or off its speed.
+
+    The path is sampled; at each time, the samples of the piece then and of its neighbours count.
+    """
+    path, tolerance = move.path, move.path.tolerance
+    pieces = [_samples(piece) for piece in path.pieces]
+    numbers = np.searchsorted(path.ends_s, times_s).clip(max=len(pieces) - 1)
+    for number in range(len(pieces)):
+        rows = np.flatnonzero(numbers == number)
+        near = pieces[max(0, number - 1) : number + 2]
+        p, R = (np.concatenate([each[i] for each in near]) for i in (0, 1))
+        spacing = max(np.linalg.norm(np.diff(each[0], axis=0), axis=1).max() for each in near)
+        for row in rows.tolist():
+            away = np.linalg.norm(p - tips[row, :3, 3], axis=1)
+            turned = _turned(R, tips[row, :3, :3], tolerance.free_about)
+            share = np.maximum(
+                (away - spacing) / tolerance.position_m, turned / tolerance.rotation_rad
+            ).min()
+            if share > 1.0 + PATH_SPARE:
+                yield Finding("leaves its path", move.label, "tip", "path", float(share))
+                return
+    if path.speed_m_s is not None:
+        speeds = np.linalg.norm(np.diff(tips[:, :3, 3], axis=0), axis=1) / np.diff(times_s)
+        middles = 0.5 * (times_s[1:] + times_s[:-1])
+        may = np.any([(a <= middles) & (middles <= b) for a, b in path.slower_s], axis=0)
+        ratio = speeds / path.speed_m_s
+        is_off = (ratio > 1.0 + MAX_SPEED_OFF) | (~may & (ratio < 1.0 - MAX_SPEED_OFF))
+        if is_off.any():
+            worst = float(ratio[is_off][0])
+            yield Finding("leaves its speed", move.label, "tip", "path", worst)
+
+
+def _samples(piece: Any) -> tuple[Array, Array]:
+    """Positions and rotations of a piece, by cubics and by Rodrigues' formula."""
+    s, start = np.linspace(0.0, 1.0, PATH_SAMPLES), piece.T_base_start
+    p = np.array(start.translation) + np.stack([s, s**2, s**3], axis=1) @ piece.coefficients
+    angle = float(np.linalg.norm(piece.turn))
+    x, y, z = piece.turn / angle if angle > 0.0 else np.zeros(3)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, cosine = np.sin(angle * s)[:, None, None], np.cos(angle * s)[:, None, None]
+    return p, (np.eye(3) + sine * K + (1.0 - cosine) * K @ K) @ np.array(start.rotation)
+
+
+def _turned(R: Array, R_tip: Array, free_about: str) -> Array:
+    """Angles of a tip's rotation to others, shape (n, 3, 3), or those of one axis; rad."""
+    if free_about == "xyz":
+        return np.zeros(len(R))
+    if free_about:
+        k = "xyz".index(free_about)
+        return np.arccos((R[:, :, k] @ R_tip[:, k]).clip(-1.0, 1.0))
+    return np.arccos(((np.einsum("nij,ij->n", R, R_tip) - 1.0) / 2.0).clip(-1.0, 1.0))
 
 
 def _closes(grip: Any) -> bool:

@@ -20,6 +20,7 @@ LONG = (
     "plan_around_obstacles",
     "follow_a_path",
     "into_a_shelf",
+    "two_arms",
     "draw",
     "keep_it_upright",
     "proofs",

@@ -12,17 +12,21 @@ import pytest
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import (
     Attachment,
     Body,
     Box,
     Grip,
     GripperAction,
+    LineTolerance,
     Manipulator,
     Move,
     Part,
+    PathMove,
     PickAndPlace,
     Plan,
+    Polyline,
     Scene,
     Sphere,
     State,
@@ -30,10 +34,11 @@ from planner import (
     make_block,
     overhead_grasp,
     plan_joint_move,
+    plan_path_move,
     plan_straight_move,
 )
 from tests.bodies import grasp_of
-from tests.conftest import at
+from tests.conftest import at, overhead
 
 FloatArray = NDArray[np.float64]
 TABLE_TOP_M = -0.155
@@ -344,6 +349,29 @@ def test_a_plan_that_does_not_end_at_rest_is_found(manipulator: Manipulator) -> 
     cut = Trajectory(m.limits, knots, q_cut, v, a, way.j[: n - 1])
     kinds = {f.kind for f in check(plan_of(m, Scene.of(), [Move("half", cut)], q))}
     assert kinds == {"moves where it should rest"}
+
+
+@pytest.fixture(scope="module")
+def followed(manipulator: Manipulator) -> PathMove:
+    corners = [overhead(*xyz) for xyz in ((0.66, 0.15, 0.0), (0.74, 0.15, 0.0), (0.74, 0.2, 0.05))]
+    return plan_path_move(manipulator, None, Polyline(corners), speed_m_s=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind"),
+    [
+        ({}, None),
+        ({"tolerance": LineTolerance(1e-5)}, "leaves its path"),
+        ({"slower_s": np.zeros((0, 2))}, "leaves its speed"),
+        ({"speed_m_s": 0.052}, "leaves its speed"),
+    ],
+)
+def test_a_tip_that_leaves_its_path_or_its_speed_is_found(
+    manipulator: Manipulator, followed: PathMove, changes: dict[str, Any], kind: str | None
+) -> None:
+    move = Move("follow", followed.trajectory, path=evolve(followed.path, **changes))
+    plan = plan_of(manipulator, Scene.of(), [move], followed.trajectory.q_start)
+    assert said(check(plan)) == (set() if kind is None else {(kind, "path", "tip")})
 
 
 def test_a_plan_that_does_nothing_does_not_do_its_task(

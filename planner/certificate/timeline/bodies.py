@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.certificate.body import Body
+from planner.certificate.body import Body, LinkShape
 from planner.certificate.clusters import Clusters, Shape, stated_pose
 from planner.certificate.errors import require
 from planner.certificate.intervals import Array, Interval, Pose
@@ -99,6 +99,8 @@ class Bodies:
         body: Body,
         scene: Mapping[str, Mapping[str, Any]],
         joints: Mapping[str, float],
+        *,
+        is_alone: bool = False,
     ) -> None:
         """Read the scene's bodies, and place the robot's links.
 
@@ -107,21 +109,22 @@ class Bodies:
             body: its shapes.
             scene: the bodies as a plan file states them.
             joints: positions of all joints, rad and m.
+            is_alone: whether the links that only the other arm moves are left out.
         """
         self.robot, self.clusters = robot, Clusters()
         self.distances = DistanceBounds(self.clusters)
         self.scene = {name: SceneBody.of_file(name, data) for name, data in scene.items()}
         self.places = robot.places(joints)
         self.pads: dict[str, list[int]] = {finger: [] for finger in robot.fingers}
-        self._place_links(body)
+        self._place_links([s for s in body.shapes if not (is_alone and robot.is_of_other(s.link))])
 
-    def _place_links(self, body: Body) -> None:
+    def _place_links(self, shapes: Iterable[LinkShape]) -> None:
         robot, clusters = self.robot, self.clusters
         roots: dict[int | str, list[int]] = {}
         filled: dict[int | str, list[int]] = {}
         skew_m = robot.skew * robot.stroke_m
         require(skew_m <= MAX_SKEW_M, "the fingers slide askew")
-        for each in body.shapes:
+        for each in shapes:
             where = robot.attached(each.link, self.places)
             key = where.finger or where.level or robot.carrier(each.link)
             shape = each.shape

@@ -68,6 +68,8 @@ class Timeline:
         bodies: its links and the bodies of the scene.
         steps: what rows must prove, in the order of the certificate.
         numbers: which step of the plan each belongs to, None for what stands still.
+        situations: where everything is before each step, and at the end.
+        motions: of the steps that move the arm, by their numbers.
         worst: upper bounds that rules other than rows give, by name, each with where it occurs.
         assumed: what is taken from the caller of a motion, in phrases.
         not_judged: limits that were not judged, in phrases.
@@ -82,6 +84,7 @@ class Timeline:
         witnesses: Sequence[StepWitness],
         *,
         limits: Limits | None = None,
+        is_alone: bool = False,
     ) -> None:
         """Follow a plan to its end.
 
@@ -92,6 +95,7 @@ class Timeline:
             body: its body.
             witnesses: one for each step.
             limits: maximum acceleration and jerk.
+            is_alone: whether the other arm is left out, with its hand.
 
         Raises:
             NotCertifiedError: when the plan breaks a rule that is not about rows.
@@ -114,13 +118,16 @@ class Timeline:
         require(np.isfinite(list(joints.values())), "a joint is not finite")
         scene = start["scene"]["bodies"]
         require(len(scene) <= MAX_BODIES, f"the scene has more than {MAX_BODIES} bodies")
-        self.bodies = Bodies(robot, body, scene, joints)
+        self.bodies = Bodies(robot, body, scene, joints, is_alone=is_alone)
+        self.motions: dict[int, Polynomials] = {}
         now = self._begin(start, joints)
+        self.situations = [now]
         stated = StatedStates(start, states, self.bodies)
         self.numbers += [None] * len(self.steps)
         for number, step in enumerate(self._plan_steps):
             stated.compare(number, now)
             now = self._followed(number, step, now)
+            self.situations.append(now)
             self.numbers += [number] * (len(self.steps) - len(self.numbers))
         if not self._is_motion:
             _require_rest(now, "the arm does not rest at the end")
@@ -226,6 +233,7 @@ class Timeline:
         require(is_there, f"{label}: it does not begin where the arm is")
         a_max, j_max = (np.full(ARM_JOINTS, x) for x in (self._limits.a_max, self._limits.j_max))
         motion.require_limits(*stated_limits(robot, limits, a_max, j_max, label))
+        self.motions[number] = motion
         self._require_tip(step, motion)
         for claim in step.get("claims", ()):
             self._require_claim(claim, motion, now, label)

@@ -245,7 +245,7 @@ def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
         (stating("place: open", opening_m=0.03), "do not open so"),
         (stating("place: open", opening_m=0.001), "do not open so"),
         (stating("place: open", body="table"), "holds block"),
-        (stating("pick: approach", is_straight=True), "line"),
+        (stating("pick: approach", is_straight=True), "off its way"),
         (stating("pick: approach", type="Dance"), "unknown kind"),
         (placed("block", (0.0, 0.001, 0.0)), "mm"),
         (placed("block", (0.0, 0.0, -0.001)), "mm"),

@@ -1,0 +1,369 @@
+"""Both arms on a common clock: what one arm and its bodies must keep from the other's.
+
+The timeline of each arm is that of a world without the other arm and without the bodies that the
+other arm handles. What is left are the pairs of a left link, finger or body with a right one. They
+move along one serial chain, from the left hand back to base and out to the right hand.
+
+Let S_j be the pose of the left arm's joint j at position 0 seen from joint j - 1, and Z(q) the
+rotation about z. Take for its link j the frame G_j = F_j S_(j+1), where F_j is the frame of joint j
+and S_8 = 1; it is fixed to the link. Then G_j seen G_(j-1) at S_(j+1)^-1 Z(-q_j), so a joint that
+is passed backwards is a joint like others, at position -q_j. G_0 = S_1 is fixed to base, and the
+right arm's first joint is seen from it at S_1^-1 S_1', where S_1' is its pose in base.
+
+The clock is cut where a hand begins or ends to act. In between, each hand holds the same body at
+the same place. While a hand acts its arm rests, and what travels is replaced by what is thicker:
+fingers stand at the middle of their way and are thicker by half of it; a body that is pushed, or
+falls after its release, stands where it begins and is thicker by the whole way, which is straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+from math import factorial
+
+import numpy as np
+
+from planner.certificate.body import Body
+from planner.certificate.clusters import Clusters
+from planner.certificate.errors import require
+from planner.certificate.intervals import Array, Interval, Pose, norm_bound
+from planner.certificate.motion import Polynomials
+from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.rows import Mover, Pair, Step
+from planner.certificate.timeline.bodies import STATE_TOLERANCE, Situation
+from planner.certificate.timeline.steps import Timeline
+
+LIMBS = ("left", "right")
+
+BASE_LEVEL = ARM_JOINTS
+"""The level of base along the chain from hand to hand."""
+
+APART_M = 1e-7
+"""What both arms must keep at least, for the rounding of their motions on the common clock."""
+
+SAME_TIME_S = 1e-9
+"""Times on the clock that are nearer to each other are the same."""
+
+MAX_CLOCK_S = 1e5
+
+
+@dataclass(frozen=True, eq=False)
+class HandToHand:
+    """The serial chain of 14 joints from the left hand back to base and out to the right hand.
+
+    Attributes:
+        spans: poses of each joint at position 0 seen from the one before, the first from the left
+            hand.
+        offsets: upper bounds on the lengths of their translations, shape (14,), m.
+    """
+
+    spans: Sequence[Pose]
+    offsets: Array
+
+    @classmethod
+    def of(cls, left: Robot, right: Robot) -> HandToHand:
+        """The chain of both arms of one robot."""
+        back = [span.inverse() for span in left.spans]
+        spans = [Pose.identity(), *back[:0:-1], back[0] * right.spans[0], *right.spans[1:]]
+        return cls(spans, np.array([float(norm_bound(span.p.magnitude)) for span in spans]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Hand:
+    """What one hand does in a window of the clock, in situations before and after an action.
+
+    Without an action, both are the same.
+    """
+
+    before: Situation
+    after: Situation
+
+
+class BothArms:
+    """The windows of the clock, as steps of rows.
+
+    Attributes:
+        robot: the chain from hand to hand.
+        clusters: all trees.
+        steps: one for the bodies of both arms that stand at first, and one for each window.
+        numbers: None for the first, then the number of each window.
+        duration_s: when the last step of both arms ends.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        timelines: Mapping[str, Timeline],
+        begins_s: Mapping[str, Sequence[float]],
+        grip_s: float,
+        margins_m: Sequence[float] | None = None,
+    ) -> None:
+        """Put both arms on the clock.
+
+        Args:
+            body: the robot's shapes.
+            timelines: of both arms, each without the other.
+            begins_s: when each of their steps begins on the clock.
+            grip_s: duration of each gripper action on the clock.
+            margins_m: what both arms must keep in each window; nothing more than `APART_M` when not
+                given.
+
+        Raises:
+            NotCertifiedError: when a step begins before the previous one of its arm has ended, an
+                arm does not move, or there are other windows.
+        """
+        self._timelines, self.clusters = timelines, Clusters()
+        self.robot = HandToHand.of(*(timelines[side].robot for side in LIMBS))
+        self._body, self._roots = body, dict[tuple[str, int, float, float], int]()
+        require(0.0 <= grip_s <= MAX_CLOCK_S, "the duration of gripper actions is malformed")
+        self._clocks = {
+            side: _Clock(timelines[side], np.array(begins_s[side], np.float64), grip_s)
+            for side in LIMBS
+        }
+        self.duration_s = max(clock.end_s for clock in self._clocks.values())
+        self.steps = [Step("bodies of both arms at first", list(self._at_first()), None, _still())]
+        self.numbers: list[int | None] = [None]
+        windows = list(self._windows())
+        margins = [0.0] * len(windows) if margins_m is None else margins_m
+        require(len(margins) == len(windows), "the certificate has other windows")
+        for number, (begin_s, end_s) in enumerate(windows):
+            motion = self._motion(begin_s, end_s)
+            hands = [self._clocks[side].hand(0.5 * (begin_s + end_s)) for side in LIMBS]
+            pairs = list(self._pairs(hands, end_s - begin_s, max(APART_M, margins[number])))
+            self.steps.append(Step(_label(begin_s, end_s), pairs, motion, motion.start[0]))
+            self.numbers.append(number)
+
+    @property
+    def windows(self) -> int:
+        """Number of windows."""
+        return len(self.steps) - 1
+
+    def _windows(self) -> Iterator[tuple[float, float]]:
+        cuts = [0.0, self.duration_s]
+        for clock in self._clocks.values():
+            cuts += clock.cuts_s
+        for begin_s, end_s in pairwise(sorted(cuts)):
+            if end_s - begin_s > SAME_TIME_S:
+                yield begin_s, end_s
+
+    def _at_first(self) -> Iterator[Pair]:
+        """Bodies that stand at first, which neither arm's timeline compares."""
+        left, right = (self._timelines[side].situations[0] for side in LIMBS)
+        names = [
+            [name for name in at if self._timelines[side].bodies.scene[name].is_movable]
+            for side, at in zip(LIMBS, (left.at, right.at), strict=True)
+        ]
+        for first, second in product(*names):
+            if first not in right.at and second not in left.at:
+                yield Pair(
+                    self._standing("right", second, right, 0.0),
+                    self._standing("left", first, left, 0.0),
+                    0.0,
+                    0.0,
+                    1.0,
+                )
+
+    # What moves, and with what
+
+    def _pairs(self, hands: Sequence[_Hand], end_s: float, least_m: float) -> Iterator[Pair]:
+        """All pairs of one arm and its bodies with the other's, but of bodies that both stand."""
+        left, right = (
+            list(self._of_side(side, hand)) for side, hand in zip(LIMBS, hands, strict=True)
+        )
+        for second, first in product(left, right):
+            if first.level > second.level:
+                yield Pair(first, second, least_m, 0.0, end_s)
+
+    def _of_side(self, side: str, hand: _Hand) -> Iterator[Mover]:
+        timeline, other = self._timelines[side], self._timelines[_other(side)]
+        for level in range(1, ARM_JOINTS + 1):
+            root = self._link(side, level)
+            if root is not None:
+                name = f"links of {timeline.robot.names[level - 1]}"
+                yield Mover(name, root, _level(side, level))
+        ways = hand.before.opening_m, hand.after.opening_m
+        for finger in timeline.robot.fingers:
+            yield Mover(finger, self._finger(side, finger, ways), _level(side, ARM_JOINTS))
+        for name in timeline.bodies.scene:
+            if name not in other.bodies.scene:
+                yield self._handled(side, name, hand)
+
+    def _handled(self, side: str, name: str, hand: _Hand) -> Mover:
+        """A body that an arm handles, in its hand or where it stands."""
+        before, after = hand.before, hand.after
+        if before is after and before.held is not None and before.held[0] == name:
+            return self._placed(side, name, before.held[1], ARM_JOINTS, 0.0)
+        bodies = self._timelines[side].bodies
+        ends = []
+        for now in (before, after):
+            if now.held is not None and now.held[0] == name:
+                ends.append(bodies.joint_pose(now.arm[0]) * now.held[1])
+            else:
+                ends.append(now.at[name])
+        moved_m = 0.0
+        if before is not after:
+            turned = float(norm_bound((ends[1].R - ends[0].R).magnitude.reshape(9)))
+            require(turned <= STATE_TOLERANCE, f"{name} turns while the {side} hand acts")
+            moved_m = float(norm_bound((ends[1].p - ends[0].p).magnitude))
+        return self._placed(side, name, ends[0], 0, moved_m + APART_M)
+
+    def _standing(self, side: str, name: str, now: Situation, thicker_m: float) -> Mover:
+        return self._placed(side, name, now.at[name], 0, thicker_m)
+
+    def _placed(self, side: str, name: str, T: Pose, level: int, thicker_m: float) -> Mover:
+        """A body at a pose seen from a joint of the arm, or from base."""
+        roots = []
+        for shape, placed in self._timelines[side].bodies.scene[name].parts:
+            own = replace(shape, ball_m=shape.ball_m + thicker_m)
+            roots.append(self.clusters.add(own, self._seen(side, level) * T * placed))
+        return Mover(name, self.clusters.joined(roots), _level(side, level))
+
+    def _link(self, side: str, level: int) -> int | None:
+        """The tree of the links that a joint of an arm carries, without fingers."""
+        key = side, level, 0.0, 0.0
+        if key not in self._roots:
+            bodies = self._timelines[side].bodies
+            seen, roots = self._seen(side, level), []
+            for each in self._body.shapes:
+                where = bodies.robot.attached(each.link, bodies.places)
+                if where.level == level and where.finger is None:
+                    roots.append(self.clusters.add(each.shape, seen * where.T * each.T_link_shape))
+            if not roots:
+                return None
+            self._roots[key] = self.clusters.joined(roots)
+        return self._roots[key]
+
+    def _finger(self, side: str, finger: str, ways_m: tuple[float, float]) -> int:
+        """The tree of a finger that travels between two openings."""
+        timeline = self._timelines[side]
+        robot, bodies = timeline.robot, timeline.bodies
+        key = finger, ARM_JOINTS, *ways_m
+        if key not in self._roots:
+            begin_m, end_m = ways_m
+            thicker_m = 0.5 * abs(end_m - begin_m) + robot.skew * robot.stroke_m + APART_M
+            at_m = robot.fingers[finger] * 0.5 * (begin_m + end_m)
+            shift = Pose(Interval(np.eye(3)), Interval(np.array([0.0, at_m, 0.0])))
+            seen, roots = self._seen(side, ARM_JOINTS) * shift, []
+            for each in self._body.shapes:
+                where = robot.attached(each.link, bodies.places)
+                if where.finger == finger:
+                    wider = replace(each.shape, ball_m=each.shape.ball_m + thicker_m)
+                    roots.append(self.clusters.add(wider, seen * where.T * each.T_link_shape))
+            self._roots[key] = self.clusters.joined(roots)
+        return self._roots[key]
+
+    def _seen(self, side: str, level: int) -> Pose:
+        """The frame of a joint of an arm, or of base, seen from the chain's frame of that link."""
+        left = self._timelines["left"].robot
+        if (side == "left" and level < ARM_JOINTS) or level == 0:
+            return left.spans[level].inverse()
+        return Pose.identity()
+
+    # Motion
+
+    def _motion(self, begin_s: float, end_s: float) -> Polynomials:
+        """The motion of both arms in a window, along the chain."""
+        clocks = [self._clocks[side] for side in LIMBS]
+        knots = np.concatenate([[begin_s, end_s], *(clock.knots_s for clock in clocks)])
+        knots = np.unique(knots[(knots >= begin_s) & (knots <= end_s)])
+        is_kept = np.diff(knots, append=np.inf) > SAME_TIME_S
+        is_kept[-1] = False
+        starts = knots[is_kept]
+        times_s = np.append(starts, end_s) - begin_s
+        times_s[0] = 0.0
+        middles = 0.5 * (starts + np.append(starts[1:], end_s))
+        left, right = (clock.derivatives(starts, middles) for clock in clocks)
+        derivatives = np.concatenate([-left[:, :, ::-1], right], axis=2)
+        return Polynomials(times_s, derivatives, _label(begin_s, end_s), derivatives[:, :3])
+
+
+class _Clock:
+    """One arm's steps on the clock.
+
+    Attributes:
+        knots_s: all times at which the motion goes on by another polynomial.
+        cuts_s: when its hand begins and ends to act.
+        end_s: when its last step ends.
+    """
+
+    def __init__(self, timeline: Timeline, begins_s: Array, grip_s: float) -> None:
+        limb, count = timeline.robot.limb, len(timeline.situations) - 1
+        is_whole = begins_s.shape == (count,) and np.isfinite(begins_s).all()
+        require(is_whole, f"the times of the {limb} arm's steps are malformed")
+        require(len(timeline.motions) > 0, f"the {limb} arm does not move")
+        self._timeline = timeline
+        self._moves: list[tuple[float, Polynomials]] = []
+        self._grips: list[tuple[float, float, int]] = []
+        now_s, knots = 0.0, [np.zeros(1)]
+        for number, stated_s in enumerate(begins_s.tolist()):
+            require(
+                stated_s >= now_s - SAME_TIME_S,
+                f"step {number + 1} of the {limb} arm begins before the one before it ends",
+            )
+            begin_s = max(stated_s, now_s)
+            motion = timeline.motions.get(number)
+            if motion is None:
+                now_s = begin_s + grip_s
+                self._grips.append((begin_s, now_s, number))
+            else:
+                self._moves.append((begin_s, motion))
+                knots.append(begin_s + motion.t)
+                now_s = begin_s + motion.duration_s
+        require(now_s <= MAX_CLOCK_S, f"the steps of the {limb} arm take too long")
+        self.end_s = now_s
+        self.knots_s: Array = np.concatenate(knots)
+        self.cuts_s = [at for begin_s, end_s, _ in self._grips for at in (begin_s, end_s)]
+
+    def hand(self, at_s: float) -> _Hand:
+        """What the hand does at a time that is no cut."""
+        situations = self._timeline.situations
+        for begin_s, end_s, number in self._grips:
+            if begin_s < at_s < end_s:
+                return _Hand(situations[number], situations[number + 1])
+        last = max((n for _, end_s, n in self._grips if end_s <= at_s), default=-1)
+        now = situations[last + 1]
+        return _Hand(now, now)
+
+    def derivatives(self, starts_s: Array, middles_s: Array) -> Array:
+        """Derivatives at the starts of cells that cross no knot, shape (n, 4, 7).
+
+        Args:
+            starts_s: when the cells begin.
+            middles_s: their middles, which tell to which step they belong.
+        """
+        found = np.zeros((len(starts_s), 4, ARM_JOINTS))
+        found[:, 0] = self._timeline.situations[0].arm[0]
+        for begin_s, motion in self._moves:
+            end_s = begin_s + motion.duration_s
+            found[middles_s >= end_s, 0] = motion.end[0]
+            rows = np.flatnonzero((middles_s > begin_s) & (middles_s < end_s))
+            if not len(rows):
+                continue
+            piece = np.searchsorted(motion.t, middles_s[rows] - begin_s, side="right") - 1
+            piece = piece.clip(0, len(motion.derivatives) - 1)
+            since = (starts_s[rows] - begin_s - motion.t[piece])[:, None]
+            of = motion.derivatives[piece]
+            for k in range(4):
+                found[rows, k] = sum(
+                    of[:, m] * since ** (m - k) / factorial(m - k) for m in range(k, of.shape[1])
+                )
+        return found
+
+
+def _level(side: str, level: int) -> int:
+    """Where a joint of an arm, or base, is along the chain from hand to hand."""
+    return BASE_LEVEL - level if side == "left" else BASE_LEVEL + level
+
+
+def _other(side: str) -> str:
+    return LIMBS[1 - LIMBS.index(side)]
+
+
+def _label(begin_s: float, end_s: float) -> str:
+    return f"both arms, {begin_s:.3f} to {end_s:.3f} s"
+
+
+def _still() -> Array:
+    return np.zeros(2 * ARM_JOINTS)

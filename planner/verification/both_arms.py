@@ -1,0 +1,194 @@
+"""Verification of plans of both arms: each arm by itself, and one against the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from baxter_kin.description import RobotDescription
+from baxter_kin.display import clear, seconds
+from baxter_kin.fields import frozen, mapping
+from baxter_kin.files.json_text import Json
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import expect
+from planner.certificate.checking import BETWEEN, Certified, Witness, alone, check_both
+from planner.certificate.errors import NotCertifiedError
+from planner.certificate.robot import Robot
+from planner.certificate.timeline import StepWitness
+from planner.certificate.timeline.both_arms import BothArms
+from planner.errors import TaskError
+from planner.prover.problem import SHARES, NotShownError
+from planner.two_arms.plan import TwoArmPlan
+from planner.two_arms.plan_file import two_arm_document
+from planner.verification.certificate import Certificate
+from planner.verification.report import described, robot_limits, table_of
+from planner.verification.witness import SoughtTimeline, body_of, witness_of
+
+
+@frozen(error=TaskError)
+class TwoArmCertificate:
+    """What was proven of a plan of both arms, or why nothing was.
+
+    Attributes:
+        arms: "left" and "right": the certificate of each arm's own plan, in a world without the
+            other arm and the bodies that the other arm handles.
+        duration_s: when the last step of both arms ends.
+        reason: why the checker does not certify the plan, as a sentence; empty when it does.
+        rows: number of inequalities that were checked of one arm against the other.
+        apart_m: the proven distance of both arms, with the bodies that they handle, in each window
+            of the clock, by label and in order.
+        grip_s: what was assumed of each gripper action: that it takes no longer.
+    """
+
+    arms: Mapping[str, Certificate] = mapping()
+    duration_s: float
+    reason: str = ""
+    rows: int = 0
+    apart_m: tuple[tuple[str, float], ...] = ()
+    grip_s: float = 0.0
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the checker certifies the plan and every check of both arms is passed."""
+        return not self.reason and all(arm.is_valid for arm in self.arms.values())
+
+    @property
+    def clearance_m(self) -> float:
+        """The proven distance of both arms at every instant; NaN where nothing was proven."""
+        return min((apart for _, apart in self.apart_m), default=math.nan)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as one sentence, with the reasons of a refusal."""
+        failed = [arm.verdict for arm in self.arms.values() if not arm.is_valid]
+        if self.reason or failed:
+            return f"not valid: {'; '.join(filter(None, (self.reason, *failed)))}"
+        return (
+            f"valid: both arms, {self.duration_s:.3f} s, at least {1e3 * self.clearance_m:.1f} mm "
+            f"apart; assumed: one clock for both, gripper actions of at most {self.grip_s:g} s"
+        )
+
+    def __str__(self) -> str:
+        apart = [f"{label:36} {1e3 * apart:9.3f} mm" for label, apart in self.apart_m]
+        tables = [f"{side} arm\n{self.arms[side].table()}" for side in self.arms]
+        return "\n".join([self.verdict, *tables, *apart])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; a value that is not finite is null."""
+        return {
+            "is_valid": self.is_valid,
+            "duration_s": self.duration_s,
+            "reason": self.reason,
+            "rows": self.rows,
+            "grip_s": self.grip_s,
+            "apart_m": [[label, apart] for label, apart in self.apart_m],
+            "arms": {side: arm.as_dict() for side, arm in self.arms.items()},
+        }
+
+    def _facts(self) -> tuple[str, ...]:
+        if not self.is_valid:
+            return (self.verdict,)
+        return seconds(self.duration_s), "valid", clear(self.clearance_m)
+
+
+def verify_both(
+    plan: TwoArmPlan, *, description: RobotDescription | None = None
+) -> TwoArmCertificate:
+    """Check a plan of both arms, independently of the code that planned it.
+
+    The common clock is assumed: that gripper actions take no longer than the plan says, and that
+    whatever delays one arm delays the other.
+
+    Args:
+        plan: the plan to check.
+        description: the robot to judge on; the stock robot when not given.
+
+    Raises:
+        TaskError: when an argument has the wrong type.
+    """
+    known = _known(plan, description)
+    try:
+        witnesses = _witnesses(plan, known)
+        found = check_both(
+            two_arm_document(plan), known.text, body=body_of(known.text), certificates=witnesses
+        )
+    except (NotCertifiedError, NotShownError) as cause:
+        return TwoArmCertificate({}, plan.duration_s, str(cause), grip_s=plan.grip_s)
+    between = found[BETWEEN]
+    return TwoArmCertificate(
+        {side: _of_arm(plan, side, found[side], known) for side in LIMBS},
+        plan.duration_s,
+        rows=between.rows,
+        apart_m=between.clearances_m,
+        grip_s=plan.grip_s,
+    )
+
+
+def certificate_of_both(
+    plan: TwoArmPlan, description: RobotDescription | None = None
+) -> Mapping[str, Json]:
+    """The certificate of a plan of both arms, for `save_two_arm_plan`.
+
+    Args:
+        plan: the plan.
+        description: the robot that it is for; the stock robot when not given.
+
+    Raises:
+        TaskError: when an argument has the wrong type, or the plan cannot be certified; gives the
+            reason.
+    """
+    known = _known(plan, description)
+    try:
+        witnesses = _witnesses(plan, known)
+        check_both(
+            two_arm_document(plan), known.text, body=body_of(known.text), certificates=witnesses
+        )
+    except (NotCertifiedError, NotShownError) as cause:
+        raise TaskError(f"the plan cannot be certified: {cause}") from cause
+    return {part: witness.for_file() for part, witness in witnesses.items()}
+
+
+def _known(plan: TwoArmPlan, description: RobotDescription | None) -> RobotDescription:
+    expect(plan, TwoArmPlan, "plan", TaskError)
+    known = RobotDescription.of() if description is None else description
+    return expect(known, RobotDescription, "description", TaskError)
+
+
+def _witnesses(plan: TwoArmPlan, known: RobotDescription) -> dict[str, Witness]:
+    """What leads the checker, for each arm and between both."""
+    document, body = two_arm_document(plan), body_of(known.text)
+    if plan.failure is not None:
+        raise NotCertifiedError(f"the plan says itself that it failed: {plan.failure}")
+    timelines = {
+        side: SoughtTimeline(own, known.text, is_alone=True)
+        for side, own in alone(document).items()
+    }
+    found = {side: timeline.witness() for side, timeline in timelines.items()}
+    both = BothArms(body, timelines, plan.begins_s, plan.grip_s)
+    none = [StepWitness()] * both.windows
+    for share in SHARES:
+        try:
+            found[BETWEEN] = witness_of(both, body.digest, none, share=share)
+            break
+        except NotShownError:
+            if share == SHARES[-1]:
+                raise
+    return found
+
+
+def _of_arm(
+    plan: TwoArmPlan, side: str, certified: Certified, known: RobotDescription
+) -> Certificate:
+    own, robot = plan.plans[side], Robot(known.text, side)
+    judge = robot_limits(robot)
+    return Certificate(
+        limb=side,
+        motion_time_s=float(own.motion_time_s),
+        checks=tuple(table_of(own, robot, judge, certified)),
+        rows=certified.rows,
+        clearances_m=certified.clearances_m,
+        bare=certified.bare,
+        steps=len(own.steps),
+        limits=described(judge),
+    )
