@@ -213,7 +213,7 @@ class Simulation(OneLine):
         on the clock, whatever the fingers' travel, so no `Dwell` is added. When a step of one arm
         fails, both arms stop where they are at that instant, in the middle of a move, too: this is
         kinematics, and braking along the way is not simulated. The other hand's fingers end what
-        they do. No certificate is known for such a plan, so its moves are always checked.
+        they do. The moves of such a plan are always checked for contacts.
 
         Args:
             plan: a valid plan that starts where its arm stands, or both arms.

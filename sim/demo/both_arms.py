@@ -14,9 +14,12 @@ from planner import (
     LineTolerance,
     Move,
     PickAndPlace,
+    TwoArmCertificate,
     TwoArmPlan,
     make_block,
+    save_two_arm_plan,
     transfer_bound_s,
+    verify_both,
 )
 from planner.two_arms.together import plan_together
 from sim import Outcome, Simulation
@@ -69,6 +72,15 @@ class BothReport(Report):
             order = f"in turn ({plan.in_turn})" if plan.in_turn else "at once"
             self.say(f"both arms: {plan.duration_s:.2f} s, {order}")
 
+    def add_verdict(self, certificate: TwoArmCertificate) -> None:
+        """Add what the independent checker says of the plan."""
+        if self._together is not None:
+            self._together |= {
+                "verified": certificate.is_valid,
+                "verdict": certificate.verdict,
+            }
+        self.say(f"independent check: {certificate.verdict}")
+
     def end_together(
         self, plan: TwoArmPlan, outcome: Outcome, blocks_m: Mapping[str, Point]
     ) -> None:
@@ -118,7 +130,14 @@ class BothArms(DemoSession):
         self._both.add_together(plan)
         if plan.failure is not None:
             return str(plan.failure)
-        outcome = simulation.execute(plan, unverified=True)
+        with self._interrupt.deferred():
+            certificate = verify_both(plan, description=self._robot.description)
+        self._both.add_verdict(certificate)
+        if not certificate.is_valid:
+            return certificate.verdict
+        if self._options.plan is not None:
+            save_two_arm_plan(plan, self._options.plan)
+        outcome = simulation.execute(plan, unverified=True)  # its contacts are checked, too
         self._both.end_together(plan, outcome, self._blocks_m())
         return outcome.failure
 

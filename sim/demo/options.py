@@ -261,7 +261,6 @@ class DemoOptions:
             "--forever": self.is_endless,
             "--retries or noise": self.retries is not None,
             "--dwell": self.dwell_s is not None,
-            "--plan": self.plan is not None,
         }
         wrong = [name for name, is_given in given.items() if is_given]
         if wrong:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Manipulator, load_plan, transfer_bound_s, verify
+from planner import Manipulator, load_plan, load_two_arm_plan, transfer_bound_s, verify
 from planner.plan import SHOWN_RAD
 from sim import read_recording
 from sim.demo import main
@@ -417,13 +417,15 @@ def test_summary_without_a_transfer_compares_none(capsys: pytest.CaptureFixture[
 @pytest.mark.slow
 def test_both_arms_let_two_blocks_change_sides_at_the_same_time(tmp_path: Path) -> None:
     """Half a minute, nearly all of it planning: the arms' ways cross."""
-    record = tmp_path / "both.mcap"
-    report = report_of(tmp_path, "--both-arms", "--record", str(record))
+    record, file = tmp_path / "both.mcap", tmp_path / "plan.json"
+    report = report_of(tmp_path, "--both-arms", "--record", str(record), "--plan", str(file))
     assert report["success"]
     assert report["limb"] == "both"
     assert [cycle["limb"] for cycle in report["cycles"]] == ["left", "right"]
     together = report["together"]
     assert together["planned"]
+    assert together["verified"]
+    assert load_two_arm_plan(file).duration_s == pytest.approx(together["duration_s"])
     assert together["in_turn"] == ""
     assert together["proven_clearance_m"] > 0.0
     for cycle in report["cycles"]:
