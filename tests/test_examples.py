@@ -155,7 +155,7 @@ def test_both_arms_sort_at_the_same_time(runs: Callable[[str], Run], robot: Baxt
         q = recording.q[:, list(robot.indices(arm.joint_names))]
         moving.append(np.abs(np.diff(q, axis=0)).max(axis=1) > 1e-6)
     shared = np.logical_and(*moving).sum() / np.logical_or(*moving).sum()
-    assert shared > 0.5  # of the time in which an arm moves
+    assert shared > 0.4  # of the time in which an arm moves
 
 
 @pytest.mark.slow
