@@ -18,8 +18,11 @@ median of each kind,
 - the distance that is proven to be kept between the arms, and CPU seconds of planning.
 
 Samples of every plan, 1 ms apart, are checked by Pinocchio's broad phase to be no nearer than
-proven, or than 20 mm where more is proven. In turn is planned for comparison only; its CPU time is
-not counted. The exit status is 1 when a sample contradicts the proof.
+proven, or than 20 mm where more is proven. The planner's shapes for samples are thicker than
+Rethink's meshes, of which proofs consist, so 2 mm less is no contradiction: the check finds a wrong
+clock or wrong kinematics, not errors below 2 mm (`scripts/referee` has the meshes). In turn is
+planned for comparison only; its CPU time is not counted. The exit status is 1 when a sample
+contradicts the proof.
 """
 
 from __future__ import annotations
@@ -70,8 +73,9 @@ Y_M = {
 """For each kind, the ranges of pick and place, from the middle outwards to the arm's side."""
 
 DOWN = pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-STEP_S, SLACK_M, MAX_CHECKED_M = 1e-3, 1e-5, 0.02
-"""Step of the samples, accuracy of distances, and maximum distance that samples are checked for."""
+STEP_S, BODY_M, MAX_CHECKED_M = 1e-3, 2e-3, 0.02
+"""Step of the samples; by how much distances of the shapes for samples may be less than those of
+meshes, as in tests/planner/collision/test_mover.py; and maximum distance that is checked."""
 
 
 def drawn(kind: str, rng: np.random.Generator) -> list[pin.SE3]:
@@ -116,15 +120,19 @@ def problems(
 
 
 def contradictions(plan: TwoArmPlan, problem: Problem) -> tuple[int, int]:
-    """Samples at which both arms are nearer than proven, and the number of samples."""
+    """Samples at which both arms are nearer than proven, and the number of samples.
+
+    None are taken where less than `BODY_M` is proven, as they would say nothing.
+    """
     across, motion, found, count = problem.across(plan.plans), plan.trajectory, 0, 0
+    if plan.proof is None or plan.proof.proven_m < BODY_M:
+        return 0, 0
     for window in windows_of(plan, across.episodes):
         context = across.context(window.episodes)
-        assert plan.proof is not None
         near = CollisionContext(
             context.checker,
             context.q_others,
-            margin_m=min(max(plan.proof.proven_m - SLACK_M, 0.0), MAX_CHECKED_M),
+            margin_m=min(plan.proof.proven_m - BODY_M, MAX_CHECKED_M),
         )
         times = np.arange(window.begin_s, window.end_s, STEP_S)
         found += sum(not near.is_free(q) for q in motion.sample(times).q)

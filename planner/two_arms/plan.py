@@ -16,9 +16,10 @@ from itertools import chain
 from typing import NamedTuple
 
 from baxter_kin.display import clear, phrase, seconds
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.fields import FrozenMapping, frozen, mapping, scalar
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import finite_array
+from baxter_kin.validation import expect, finite_array
 from planner.clearance import ContinuousProof
 from planner.errors import TaskError
 from planner.plan import Move, Plan, PlanFailure, Step
@@ -121,7 +122,14 @@ class TwoArmPlan:
         return side_by_side([self._with_rests(side) for side in LIMBS])
 
     def steps_of(self, side: str) -> tuple[TimedStep, ...]:
-        """The steps of one arm, "left" or "right", in order."""
+        """The steps of one arm, "left" or "right", in order.
+
+        Raises:
+            UnknownNameError: when there is no such arm.
+            TaskError: when `side` is not a name.
+        """
+        if expect(side, str, "side", TaskError) not in LIMBS:
+            raise UnknownNameError("limb", side, LIMBS)
         pairs = zip(self.begins_s[side], self.plans[side], strict=True)
         return tuple(
             TimedStep(begin_s, begin_s + duration_of(step, self.grip_s), side, step)

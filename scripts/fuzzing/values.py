@@ -220,6 +220,13 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
             one("State"),
             (p.Move("move", one("Trajectory")), p.Grip("open", p.GripperAction.OPEN)),
         ),
+        "TwoArmPlan": lambda: p.TwoArmPlan(
+            one("State"),
+            _both_plans(),
+            _both_begins(),
+            0.5,
+            failure=p.PlanFailure("place: descend", "both hands cannot be there at once"),
+        ),
         "PickAndPlace": lambda: p.PickAndPlace(BODY, one("T_grasp"), one("T_grasp")),
         "Transfer": lambda: s.Transfer(
             BODY,
@@ -272,6 +279,16 @@ def one(kind: str) -> Any:
     elif kind not in _made:
         _made[kind] = {**LASTING, **CHANGING}[kind]()
     return _made[kind]
+
+
+def _both_plans() -> dict[str, p.Plan]:
+    """The plans of both arms, that of the right one without steps."""
+    return {"left": one("Plan"), "right": p.Plan(one("State"), (), limb="right")}
+
+
+def _both_begins() -> dict[str, tuple[float, ...]]:
+    """When the steps of these plans begin."""
+    return {"left": (0.0, 100.0), "right": ()}
 
 
 def forget() -> None:
@@ -355,6 +372,16 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "candidates": _made_by(lambda: [np.array(one("q"))]),
         "of_task.task": _of("Task"),
         "task": _of("PickAndPlace"),
+        "TwoArmPlan.plans": _made_by(_both_plans),
+        "TwoArmPlan.begins_s": _made_by(_both_begins),
+        "steps_of.side": _given("left"),
+        "side_by_side.each": _made_by(lambda: [one("JointLimits")]),
+        "plan_together.tasks": _made_by(
+            lambda: {side: one("PickAndPlace") for side in ("left", "right")}
+        ),
+        "plan_together.manipulators": _made_by(
+            lambda: {"left": one("Manipulator"), "right": p.Manipulator.of(one("Baxter"), "right")}
+        ),
         "plan_retract.retreat": _given(()),
         **dict.fromkeys(
             ("approach", "retreat", "place_approach", "place_retreat"),
