@@ -350,12 +350,15 @@ class Simulation(OneLine):
             q: FloatArray = move.trajectory.sample(np.clip(first_s + times_s, 0.0, end_s)).q
             return q
 
-        return Activity(
-            end_s - first_s,
-            lambda time_s: self.world.move_arm(move.limb, path(np.array(time_s))),
-            label=move.label,
-            path=path if checks else None,
-        )
+        duration_s = end_s - first_s
+        ticks_s = self._timeline.ticks_until(self.time_s + duration_s) - self.time_s
+        at_ticks = dict(zip(ticks_s.tolist(), path(ticks_s), strict=True))  # sampled all at once
+
+        def follow(time_s: float) -> None:
+            q = at_ticks.get(time_s)
+            self.world.move_arm(move.limb, path(np.array(time_s)) if q is None else q)
+
+        return Activity(duration_s, follow, label=move.label, path=path if checks else None)
 
     def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
         """When the pen touches and leaves what it draws on, from now on."""

@@ -6,8 +6,10 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Protocol
 
+import numpy as np
+
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import expect_all, positive_scalar
+from baxter_kin.validation import FloatArray, expect_all, positive_scalar
 from planner import Body, Move
 from sim.errors import SimulationError
 from sim.events import (
@@ -56,6 +58,10 @@ class Clock:
     def is_past_tick(self) -> bool:
         """Whether time has passed since the last tick."""
         return self.time_s > (self._next_tick - 1) * self._tick_s
+
+    def ticks_until(self, end_s: float) -> FloatArray:
+        """The times of the ticks from now until then, shape (n,), s."""
+        return self._tick_s * np.array(self._numbers(end_s), dtype=np.float64)
 
     def advance(
         self, duration_s: float, update: Callable[[float], None], show: Callable[[], None]

@@ -155,7 +155,8 @@ class ContactWatch:
                 if other not in passed[side]
                 and (side in moving or not around[side].gives_way(other))
             ]
-            new += [(sides[0], contact) for contact in loads.contacts(q, *span_s)]
+            if loads.are_two:
+                new += [(sides[0], contact) for contact in loads.contacts(q, *span_s)]
             for side, contact in sorted(new, key=lambda each: -each[1].depth_m):
                 if index > 0 or contact.other not in self._lasting[side]:
                     found.append((side, contact))
@@ -196,7 +197,8 @@ class _Loads:
 
     def __init__(self, world: World, sides: Sequence[str]) -> None:
         held = [each for each in map(world.holding, sides) if each is not None]
-        self._held = held if len(held) == len(LIMBS) else []
+        self.are_two = len(held) == len(LIMBS)
+        self._held = held if self.are_two else []
         self._bodies = [_laden(world, each.body) for each in self._held]
         self._robot = world.robot
 

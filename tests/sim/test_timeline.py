@@ -52,13 +52,14 @@ def test_the_world_is_brought_to_each_tick_before_it_is_shown_and_to_the_end() -
     assert told == [0.0, "shown", 0.1, "shown", 0.2, "shown", 0.25]
 
 
-def test_the_clock_knows_whether_time_has_passed_since_the_last_tick() -> None:
+def test_the_ticks_to_come_are_those_that_will_be_shown() -> None:
     clock = Clock(0.1)
     passed(clock, 0.0)
     assert not clock.is_past_tick
     passed(clock, 0.25)
     assert clock.is_past_tick
-    assert passed(clock, 0.3) == pytest.approx([0.3, 0.4, 0.5], abs=TIME_S)
+    coming = clock.ticks_until(0.55).tolist()
+    assert passed(clock, 0.3) == coming == pytest.approx([0.3, 0.4, 0.5], abs=TIME_S)
 
 
 class TestTelling:
