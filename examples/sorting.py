@@ -1,8 +1,8 @@
 """Six blocks sorted by colour, with both arms.
 
-Red ones go to the left side, blue ones to the right, each carried by the arm that needs the least
-motion. While one arm works, the other stands beside the table, and plans treat it as an obstacle.
-The right hand opens only 52.7 mm, so no block is wider than 4 cm.
+The left arm brings red ones to the left side, the right arm blue ones to the right, both at the
+same time: their ways cross, and are proven to keep clear of each other. The right hand opens only
+52.7 mm, so no block is wider than 4 cm.
 """
 
 from __future__ import annotations
@@ -29,17 +29,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def sort(bench: Workbench, rng: np.random.Generator) -> None:
-    """Scatter the blocks, then bring each to its row, the colours in turn."""
+    """Scatter the blocks, then bring each to its row, a red one and a blue one at a time."""
     places = iter(scattered(rng, 6, MIDDLE_M))
     for number, edge_m in enumerate(EDGES_M, start=1):
         for colour in ROW_Y_M:
             x, y, yaw = next(places)
             bench.add_block(f"{colour} {number}", x, y, edge_m=edge_m, colour=colour, yaw_rad=yaw)
     for number, x_m in enumerate(ROW_X_M, start=1):
-        for colour, y_m in ROW_Y_M.items():
-            bench.carry(f"{colour} {number}", to=(x_m, y_m))
-            for arm in ("left", "right"):
-                bench.withdraw(arm)
+        red, blue = ((f"{colour} {number}", (x_m, y_m)) for colour, y_m in ROW_Y_M.items())
+        bench.carry_together(left=red, right=blue)
 
 
 if __name__ == "__main__":

@@ -20,13 +20,16 @@ import numpy as np
 
 from baxter_kin.display import OneLine, count, millimetres, phrase, seconds
 from baxter_kin.fields import array, field, frozen, scalar
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Body, Certificate, Grip, GripperAction, Move, Plan
+from planner import Body, Certificate, Grip, GripperAction, Move, Plan, TwoArmPlan
 from planner.collision.robot.robot_body import identity_of
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.plan import Step
+from planner.two_arms.plan import SAME_TIME_S
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer, stop_text
+from sim.streams import Activities, Activity, Stream, run_streams
 from sim.timeline import DEFAULT_TICK_S, Timeline
 from sim.world.contacts import Contact, ContactWatch, is_as_stated
 from sim.world.gripper import Gripper
@@ -43,6 +46,9 @@ ROBOT_DWELL_S = 1.0
 
 MAX_DWELL_S = 60.0
 """Longer ones are mistakes."""
+
+WAITS = "waits"
+"""What the caption says of an arm that stands still while the other one works."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -155,6 +161,8 @@ class Simulation(OneLine):
         self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
         self._hits: list[Contact] = []  # of this execution
         self._pen: deque[tuple[float, EventKind, str, Body]] = deque()  # likewise, still to come
+        self._labels: dict[str, str] = {}  # of both arms; empty while one arm executes a plan
+        self._title = ""
         self._timeline.begin()
 
     @property
@@ -189,7 +197,7 @@ class Simulation(OneLine):
 
     def execute(
         self,
-        plan: Plan,
+        plan: Plan | TwoArmPlan,
         title: str = "",
         *,
         certificate: Certificate | None = None,
@@ -201,8 +209,14 @@ class Simulation(OneLine):
         A plan without a certificate, or with one that is not valid or of another plan, is executed
         after a warning in the log, and its steps are checked for contacts.
 
+        The steps of a plan of both arms begin when its clock says. A gripper action takes `grip_s`
+        on the clock, whatever the fingers' travel, so no `Dwell` is added. When a step of one arm
+        fails, both arms stop where they are at that instant, in the middle of a move, too: this is
+        kinematics, and braking along the way is not simulated. The other hand's fingers end what
+        they do. The moves of such a plan are always checked for contacts.
+
         Args:
-            plan: a valid plan that starts where the arm stands.
+            plan: a valid plan that starts where its arm stands, or both arms.
             title: put before each caption.
             certificate: the result of `verify` for this very plan; a step is not checked for
                 contacts while the world is as the step states it.
@@ -214,22 +228,27 @@ class Simulation(OneLine):
                 nothing has moved then.
         """
         expect(title, str, "title", SimulationError)
-        self._check_start(expect(plan, Plan, "plan", SimulationError))
+        self._check_start(plan)
         if certificate is not None:
             expect(certificate, Certificate, "certificate", SimulationError)
         if not expect(unverified, bool, "unverified", SimulationError):
             _warn_without_certificate(plan, certificate)
-        is_certified = certificate is not None and certificate.is_valid and certificate.is_of(plan)
-        started_s, failure = self.time_s, None
-        self._hits = []
+        if strokes is not None and isinstance(plan, TwoArmPlan):
+            raise SimulationError("strokes are of one arm; leave them out for a plan of both")
+        started_s = self.time_s
+        self._hits, self._title = [], title
         self._pen = deque(self._pen_events(strokes))
-        for step in plan:
-            self._timeline.caption = f"{title}{step.label}"
-            is_proven = is_certified and is_as_stated(self.world, step)
-            failure = self._do(step, checks=self._checks_contacts and not is_proven)
-            if failure is not None:
-                break
-        self._lift_pen(plan.limb)
+        if isinstance(plan, TwoArmPlan):
+            streams = [Stream(side, self._on_clock(plan, side)) for side in LIMBS]
+            self._labels = dict.fromkeys(LIMBS, WAITS)
+        else:
+            is_certified = (
+                certificate is not None and certificate.is_valid and certificate.is_of(plan)
+            )
+            streams = [Stream(plan.limb, self._all_of(plan, is_certified))]
+            self._labels = {}
+        failure = run_streams(streams, self._timeline, self._watch, self._hit)
+        self._lift_pen(streams[0].limb)
         return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
 
     def finish(self) -> None:
@@ -239,16 +258,19 @@ class Simulation(OneLine):
     def _facts(self) -> tuple[str, ...]:
         return seconds(self.time_s), repr(self.world)
 
-    def _check_start(self, plan: Plan) -> None:
+    def _check_start(self, plan: Plan | TwoArmPlan) -> None:
+        if not isinstance(plan, TwoArmPlan):
+            expect(plan, Plan, "plan", SimulationError)
         if plan.failure is not None:
             raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
-        self._check_robot(plan)
-        offset = float(np.abs(self.world.arm_q(plan.limb) - plan.q_start).max())
-        if offset > START_TOLERANCE_RAD:
-            raise SimulationError(
-                f"the plan starts {offset:.3g} rad from where the {plan.limb} arm stands; plan "
-                "from there"
-            )
+        for each in plan.plans.values() if isinstance(plan, TwoArmPlan) else (plan,):
+            self._check_robot(each)
+            offset = float(np.abs(self.world.arm_q(each.limb) - each.q_start).max())
+            if offset > START_TOLERANCE_RAD:
+                raise SimulationError(
+                    f"the plan starts {offset:.3g} rad from where the {each.limb} arm stands; plan "
+                    "from there"
+                )
 
     def _check_robot(self, plan: Plan) -> None:
         """The plan must be for this very robot, as far as it says for which it is."""
@@ -259,38 +281,84 @@ class Simulation(OneLine):
         if any(isinstance(step, Grip) for step in plan):
             self.world.hand(plan.limb)
 
-    def _do(self, step: Step, *, checks: bool) -> str | None:
-        """Execute one step, checked for contacts or not; returns why it failed, or None."""
+    def _all_of(self, plan: Plan, is_certified: bool) -> Activities:
+        """All steps of a plan, one right after the other."""
+        for step in plan:
+            self._show_step(plan.limb, step.label)
+            is_proven = is_certified and is_as_stated(self.world, step)
+            failure = yield from self._do(step, self._checks_contacts and not is_proven)
+            if failure is not None:
+                return failure
+        return None
+
+    def _on_clock(self, plan: TwoArmPlan, side: str) -> Activities:
+        """The steps of one arm at their times on the clock."""
+        zero_s = self.time_s
+        for timed in plan.steps_of(side):
+            begin_s, end_s = zero_s + timed.begin_s, zero_s + timed.end_s
+            yield from self._wait_until(begin_s, side)
+            self._show_step(side, timed.step.label)
+            failure = yield from self._do(timed.step, self._checks_contacts)
+            if failure is not None:
+                return f"{side} arm, {failure}"
+            if self.time_s > end_s + SAME_TIME_S:
+                took_s, given_s = self.time_s - begin_s, end_s - begin_s
+                return (
+                    f"{side} arm, {timed.step.label}: took {took_s:.2f} s, longer than the "
+                    f"{given_s:.2f} s on the clock"
+                )
+            yield from self._wait_until(end_s, side)
+        self._show_step(side, WAITS)
+        return None
+
+    def _wait_until(self, time_s: float, side: str) -> Activities:
+        """Let an arm stand until a time."""
+        if time_s > self.time_s + SAME_TIME_S:
+            self._show_step(side, WAITS)
+            yield Activity(time_s - self.time_s)
+        return None
+
+    def _show_step(self, side: str, label: str) -> None:
+        """Put what an arm does into the caption; of two arms, what each of them does."""
+        if self._labels:
+            self._labels[side] = label
+            label = ", ".join(f"{each} arm: {own}" for each, own in self._labels.items())
+        self._timeline.caption = f"{self._title}{label}"
+
+    def _do(self, step: Step, checks: bool) -> Activities:
+        """What an arm does in one step, checked for contacts or not."""
         if isinstance(step, Move):
             return self._move(step, checks)
         return self._close(step) if step.action is GripperAction.CLOSE else self._open(step, checks)
 
-    def _move(self, move: Move, checks: bool) -> str | None:
-        timeline, limb, begin_s = self._timeline, move.limb, self.time_s
-        timeline.notify(EventKind.MOVE_STARTED, timeline.caption, limb, move=move)
-        for contact in self._watch.along(limb, move.trajectory) if checks else ():
-            self._follow(move, begin_s, contact.free_s if contact.stops else contact.time_s)
-            self._hit(limb, contact)
-            if contact.stops:
-                return f"{move.label}: {stop_text(contact, limb)}"
-        self._follow(move, begin_s, move.trajectory.duration)
+    def _move(self, move: Move, checks: bool) -> Activities:
+        """Follow a move; the pen may draw meanwhile."""
+        begin_s, text = self.time_s, f"{self._title}{move.label}"
+        self._timeline.notify(EventKind.MOVE_STARTED, text, move.limb, move=move)
+        while self._pen and self._pen[0][0] <= begin_s + move.trajectory.duration:
+            time_s, kind, text, body = self._pen.popleft()
+            yield self._part(move, self.time_s - begin_s, time_s - begin_s, checks=checks)
+            self._timeline.notify(kind, text, move.limb, body=body)
+        first_s = self.time_s - begin_s
+        yield self._part(move, first_s, move.trajectory.duration, checks=checks)
         return None
 
-    def _follow(self, move: Move, begin_s: float, end_s: float) -> None:
-        """Follow a move that began at a time, until so long after; the pen may draw meanwhile."""
-        while self._pen and self._pen[0][0] <= begin_s + end_s:
-            time_s, kind, text, body = self._pen.popleft()
-            self._pass(move, begin_s, time_s - begin_s)
-            self._timeline.notify(kind, text, move.limb, body=body)
-        self._pass(move, begin_s, end_s)
+    def _part(self, move: Move, first_s: float, end_s: float, *, checks: bool) -> Activity:
+        """A move from a time since its beginning to another."""
 
-    def _pass(self, move: Move, begin_s: float, end_s: float) -> None:
-        """Pass along a move that began at a time, until so long after."""
-        duration_s = begin_s + end_s - self.time_s
-        ticks = self._timeline.ticks_until(self.time_s + duration_s)
-        times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
-        path, limb = iter(move.trajectory.sample(times).q), move.limb
-        self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
+        def path(times_s: FloatArray) -> FloatArray:
+            q: FloatArray = move.trajectory.sample(np.clip(first_s + times_s, 0.0, end_s)).q
+            return q
+
+        duration_s = end_s - first_s
+        ticks_s = self._timeline.ticks_until(self.time_s + duration_s) - self.time_s
+        at_ticks = dict(zip(ticks_s.tolist(), path(ticks_s), strict=True))  # sampled all at once
+
+        def follow(time_s: float) -> None:
+            q = at_ticks.get(time_s)
+            self.world.move_arm(move.limb, path(np.array(time_s)) if q is None else q)
+
+        return Activity(duration_s, follow, label=move.label, path=path if checks else None)
 
     def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
         """When the pen touches and leaves what it draws on, from now on."""
@@ -309,11 +377,11 @@ class Simulation(OneLine):
             _, kind, text, body = self._pen.popleft()
             self._timeline.notify(kind, text, limb, body=body)
 
-    def _close(self, grip: Grip) -> str | None:
+    def _close(self, grip: Grip) -> Activities:
         """Close the fingers on what is between the pads, which push it on their way."""
         gripper, timeline, limb = self.grippers[grip.limb], self._timeline, grip.limb
         closing = gripper.closing(grip.body)
-        self._slide(
+        yield self._slide(
             limb,
             closing.finger_m,
             lambda _: gripper.close_to(closing, self.world.finger_m(limb)),
@@ -323,28 +391,28 @@ class Simulation(OneLine):
         if closing.grasp is None:
             return f"{grip.label}: {timeline.missed(limb, closing, grip.body)}"
         timeline.grasped(limb, closing)
-        timeline.pass_s(self._dwell.after_grasp_s)
+        yield Activity(self._dwell.after_grasp_s)
         if grip.body is not None and closing.body != grip.body:
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
         return None
 
-    def _open(self, grip: Grip, checks: bool) -> str | None:
+    def _open(self, grip: Grip, checks: bool) -> Activities:
         """Open the fingers, while what they release falls to its rest."""
         timeline, world, limb = self._timeline, self.world, grip.limb
         name = self.grippers[limb].release()
         finger_m, failure = self._opening(grip, checks)
         if name is None:
-            self._slide(limb, finger_m)
+            yield self._slide(limb, finger_m)
             timeline.opened(limb)
         else:
             timeline.released(limb, name)
             rest = world.rest(name)
-            self._slide(
+            yield self._slide(
                 limb, finger_m, lambda t: world.carry(name, rest.pose(t)), least_s=rest.duration_s
             )
             world.put_to_rest(name, rest)
             timeline.settled(name, rest)
-        timeline.pass_s(self._dwell.after_release_s)
+        yield Activity(self._dwell.after_release_s)
         return failure
 
     def _opening(self, grip: Grip, checks: bool) -> tuple[float, str | None]:
@@ -366,7 +434,7 @@ class Simulation(OneLine):
         meanwhile: Callable[[float], None] = lambda _: None,
         *,
         least_s: float = 0.0,
-    ) -> None:
+    ) -> Activity:
         """Move the fingers to a position at their speed; wait until `least_s` have passed."""
         begin_m = self.world.finger_m(limb)
         travel_s = abs(finger_m - begin_m) / FINGER_SPEED_M_S
@@ -376,16 +444,21 @@ class Simulation(OneLine):
             self.world.set_fingers(limb, begin_m + share * (finger_m - begin_m))
             meanwhile(time_s)
 
-        self._timeline.pass_s(max(travel_s, least_s), update)
+        return Activity(max(travel_s, least_s), update, can_stop=False)
 
     def _hit(self, limb: str, contact: Contact) -> None:
         self._hits.append(contact)
         self._timeline.hit(limb, contact)
 
 
-def _warn_without_certificate(plan: Plan, certificate: Certificate | None) -> None:
+def _warn_without_certificate(plan: Plan | TwoArmPlan, certificate: Certificate | None) -> None:
     """Log why the certificate of a plan that is about to be executed does not count."""
-    if certificate is None:
+    if isinstance(plan, TwoArmPlan):
+        _LOG.warning(
+            "the plan of both arms is executed without a certificate; give unverified=True if that "
+            "is meant"
+        )
+    elif certificate is None:
         _LOG.warning(
             "the plan for the %s arm is executed without a certificate; give "
             "certificate=verify(plan), or unverified=True if that is meant",

@@ -144,19 +144,18 @@ def test_blocks_are_sorted_into_rows(runs: Callable[[str], Run]) -> None:
 
 
 @pytest.mark.campaign
-def test_both_arms_sort_and_one_waits_in_neutral_while_the_other_moves(
-    runs: Callable[[str], Run], robot: Baxter
-) -> None:
+def test_both_arms_sort_at_the_same_time(runs: Callable[[str], Run], robot: Baxter) -> None:
     recording = runs("sorting").recording
     grasped = [e for e in recording.events if e.kind is EventKind.GRASPED]
     assert len(grasped) == 6
     descents = {move.limb for move in recording.moves if "pick: descend" in move.label}
     assert descents == {"left", "right"}
-    stands = []
+    moving = []
     for arm in robot.arms.values():
         q = recording.q[:, list(robot.indices(arm.joint_names))]
-        stands.append(np.abs(q - arm.neutral).max(axis=1) < 1e-9)
-    assert np.logical_or(*stands).all()
+        moving.append(np.abs(np.diff(q, axis=0)).max(axis=1) > 1e-6)
+    shared = np.logical_and(*moving).sum() / np.logical_or(*moving).sum()
+    assert shared > 0.4  # of the time in which an arm moves
 
 
 @pytest.mark.slow

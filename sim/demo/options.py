@@ -77,6 +77,7 @@ def _height(text: str) -> float:
         "python -m baxter_kin.demo",
         "python -m baxter_kin.demo --headless --html replay.html",
         "python -m baxter_kin.demo --add-pose 0.72 0.075 -0.129 --limb left",
+        "python -m baxter_kin.demo --both-arms",
         "python -m baxter_kin.demo --headless --noise-mm 3 --cycles 6 --report report.json",
     ),
     end="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
@@ -90,6 +91,11 @@ class DemoOptions:
     urdf: Path | None = urdf_option(TASK)
     hands: Mapping[str, HandMount] = hands_option(TASK)
     limb: str = _task("--limb", choices=("left", "right"), default="left", help="which arm")
+    both_arms: bool = flag(
+        "--both-arms",
+        group=TASK,
+        help="two blocks change sides: each arm fetches one and places it, both at once",
+    )
     added_poses_m: tuple[tuple[float, float, float], ...] = _task(
         "--add-pose",
         type=_COORDINATE,
@@ -233,6 +239,8 @@ class DemoOptions:
             )
         if self.is_headless and (self.given_wait_s is not None or self.port is not None):
             raise UsageError("--wait and --port are for the live view, which --headless leaves out")
+        if self.both_arms:
+            self._check_both_arms()
         files = self.html, self.csv, self.record, self.report, self.plan
         targets = [Destination.of(path).identity for path in files if path is not None]
         if len(set(targets)) < len(targets):
@@ -243,6 +251,20 @@ class DemoOptions:
             if min(obstacle[3:]) <= 0.0:
                 size = list(obstacle[3:])
                 raise UsageError(f"the size of an obstacle must be above zero, got {size} m")
+
+    def _check_both_arms(self) -> None:
+        """Refuse what only one arm does."""
+        given = {
+            "--limb right": self.limb == "right",
+            "--add-pose": bool(self.added_poses_m),
+            "--cycles": self.given_cycles is not None,
+            "--forever": self.is_endless,
+            "--retries or noise": self.retries is not None,
+            "--dwell": self.dwell_s is not None,
+        }
+        wrong = [name for name, is_given in given.items() if is_given]
+        if wrong:
+            raise UsageError(f"--both-arms goes without {', '.join(wrong)}, which are for one arm")
 
     @property
     def poses_m(self) -> tuple[tuple[float, float, float], ...]:

@@ -18,6 +18,7 @@ from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, EventKind, Observer, Outcome
 from sim.demo.options import DemoOptions, Point
+from sim.demo.scene import BLOCK
 
 MAX_CYCLES, MAX_EVENTS = 100, 1000
 """Maximum number of cycles and events kept; older ones are dropped."""
@@ -38,7 +39,6 @@ COLUMNS = (
 """Columns of a move's row: heading, width, format."""
 
 SUMMARY = (
-    ("block: from {block_start_m} to {block_final_m} m in base",),
     (
         "time: planning {planning_time_s:.2f} s, arm motion {motion_time_s:.2f} s, wall clock "
         "{wall_time_s:.2f} s",
@@ -56,6 +56,9 @@ SUMMARY = (
 )
 """Lines at the end of a run; a phrase is left out where one of its numbers is not known."""
 
+MOVED = "{name}: from {start_m} to {final_m} m in base"
+"""The first lines at the end, one for each block."""
+
 CYCLE = "cycle {cycle}: pick at {pick_m}, place at {place_m} m in base"
 
 _NOTABLE = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
@@ -69,16 +72,16 @@ class Report(Observer):
         failure: why the run ended early; None once all is done.
         planning_time_s: wall time spent planning.
         wall_time_s: wall time of the run.
-        block_start_m: centre of the block in base once it had settled.
-        block_final_m: the same at the end.
+        blocks_start_m: centre of each block in base once it had settled.
+        blocks_final_m: the same at the end.
     """
 
     def __init__(self, options: DemoOptions) -> None:
         self.options = options
         self.failure: str | None = "the run did not finish"
         self.planning_time_s = self.wall_time_s = 0.0
-        self.block_start_m: Point | None = None
-        self.block_final_m: Point | None = None
+        self.blocks_start_m: dict[str, Point] = {}
+        self.blocks_final_m: dict[str, Point] = {}
         self._cycles: deque[Json] = deque(maxlen=MAX_CYCLES)
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._cycles_done = 0
@@ -95,7 +98,7 @@ class Report(Observer):
         """Print a row for a move, and other events when verbose, or when a block is concerned."""
         self._events.append(event)
         if event.move is not None:
-            self.say(format_move(event.move))
+            self.say(self._row(event.move))
         elif event.kind in _NOTABLE or self.options.is_verbose:
             self.say(f"  {event.text}")
 
@@ -146,7 +149,9 @@ class Report(Observer):
             outcome: of its execution.
             block_m: centre of the block in base.
         """
-        entry = self._cycles[-1]
+        self._complete(self._cycles[-1], plan, outcome, block_m)
+
+    def _complete(self, entry: Json, plan: Plan, outcome: Outcome, block_m: Point | None) -> None:
         entry |= {"success": outcome.is_success, "failure": outcome.failure}
         entry |= {"duration_s": outcome.duration_s, "block_m": block_m}
         self._motion_s += plan.motion_time_s
@@ -165,10 +170,12 @@ class Report(Observer):
         least_m = self._min_clearance_m
         numbers = {
             **self._totals(),
-            "block_start_m": self.block_start_m and _point(self.block_start_m),
-            "block_final_m": self.block_final_m and _point(self.block_final_m),
             "min_clearance_mm": None if least_m is None else 1e3 * least_m,
         }
+        for name, start_m in self.blocks_start_m.items():
+            if name in self.blocks_final_m:
+                final_m = _point(self.blocks_final_m[name])
+                self.say(MOVED.format(name=name, start_m=_point(start_m), final_m=final_m))
         for phrases in SUMMARY:
             line = "".join(_filled(phrase, numbers) for phrase in phrases)
             if line:
@@ -189,7 +196,7 @@ class Report(Observer):
             "obstacles_m": [list(obstacle) for obstacle in options.obstacles_m],
             "block_poses": [list(pose) for pose in options.poses_m],
             "cycles": list(self._cycles),
-            "block": {"start_m": self.block_start_m, "final_m": self.block_final_m},
+            "block": self._block(BLOCK),
             **self._totals(),
             "events": [
                 {
@@ -209,6 +216,17 @@ class Report(Observer):
         """Write the report as JSON."""
         text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
         replace_file(path, text.encode())
+
+    def _row(self, move: Move) -> str:
+        """The row of a move that begins."""
+        return format_move(move)
+
+    def _block(self, name: str) -> Json:
+        """Where a block was and is."""
+        return {
+            "start_m": self.blocks_start_m.get(name),
+            "final_m": self.blocks_final_m.get(name),
+        }
 
     def _totals(self) -> Json:
         """Sums and means over the whole run."""

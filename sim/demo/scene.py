@@ -39,13 +39,18 @@ def overhead(position_m: Point) -> pin.SE3:
     return pose_from_quaternion(position_m, OVERHEAD_XYZW)
 
 
+def demo_table() -> Body:
+    """The original's table."""
+    return load_object("table", _in_base(TABLE_WORLD_M))
+
+
 def demo_bodies(limb: str) -> tuple[Body, Body]:
     """Table and block, as spawned; the block on the side of the arm."""
     x, y, z = BLOCK_WORLD_M
     if limb == "right":  # the mirror image of a block whose origin is its corner
         y = -y - BLOCK_EDGE_M
     return (
-        load_object("table", _in_base(TABLE_WORLD_M)),
+        demo_table(),
         load_object(BLOCK, _in_base((x, y, z)), is_movable=True),
     )
 

@@ -17,7 +17,7 @@ from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, whole_scalar
-from planner import Body, Plan, RobotBody, Scene, State
+from planner import Body, Plan, RobotBody, Scene, State, TwoArmPlan
 from sim.errors import RecordingError
 from sim.events import Event, Sample, SampleObserver, Snapshot
 from sim.recording.record_file import open_record
@@ -247,25 +247,42 @@ def pose_row(T_base_body: pin.SE3) -> list[float]:
 
 
 def planned_recording(
-    plan: Plan, robot: Baxter | None = None, *, body: RobotBody | None = None
+    plan: Plan | TwoArmPlan, robot: Baxter | None = None, *, body: RobotBody | None = None
 ) -> Recording:
     """The recording of an execution exactly as planned; contacts are not checked.
 
     Args:
-        plan: a valid plan; its own `start` is the world that it begins in.
+        plan: a valid plan, of one arm or both; its own `start` is the world that it begins in.
         robot: the robot that it is for; by default the stock robot.
         body: the shapes of that robot; by default `RobotBody.load()`.
     """
-    expect(plan, Plan, "plan", RecordingError)
+    if not isinstance(plan, TwoArmPlan):
+        expect(plan, Plan, "plan", RecordingError)
     if plan.failure is not None:
         raise RecordingError(f"an invalid plan has nothing to show: {plan.failure}")
     known = given_or_stock(robot, RecordingError)
-    difference = "" if plan.robot is None else known.description.identity.difference(plan.robot)
+    difference = difference_of(plan, known)
     if difference:
         raise RecordingError(f"the plan is for another robot: {difference}; give that one")
     recorder = Recorder(known)
     world = World.from_state(plan.start, known, body)
     simulation = Simulation(world, [recorder], check_contacts=False)
-    simulation.execute(evolve(plan, robot=None), unverified=True)  # `body` may be another one
+    simulation.execute(_for_any_body(plan), unverified=True)
     simulation.finish()
     return recorder.recording()
+
+
+def difference_of(plan: Plan | TwoArmPlan, robot: Baxter) -> str:
+    """How the robot that a plan is for differs from another one; "" where it does not."""
+    plans = plan.plans.values() if isinstance(plan, TwoArmPlan) else (plan,)
+    own = robot.description.identity
+    found = (own.difference(each.robot) for each in plans if each.robot is not None)
+    return next(filter(None, found), "")
+
+
+def _for_any_body(plan: Plan | TwoArmPlan) -> Plan | TwoArmPlan:
+    """The plan without the robot that it is for, as it may be shown with another body."""
+    if isinstance(plan, TwoArmPlan):
+        plans = {side: evolve(each, robot=None) for side, each in plan.plans.items()}
+        return evolve(plan, plans=plans)
+    return evolve(plan, robot=None)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TypeAlias
 
 from baxter_kin import Baxter
 from baxter_kin.display import OneLine, shown_path
@@ -17,12 +18,12 @@ from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, expect_all, positive_scalar
-from planner import Plan
+from planner import Plan, TwoArmPlan
 from planner.collision.robot.robot_body import RobotBody, fitted
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.files import explained
-from sim.recording.recorder import planned_recording
+from sim.recording.recorder import difference_of, planned_recording
 from sim.recording.recording import Recording
 from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance
@@ -65,6 +66,10 @@ MARKS = {EventKind.GRASPED: "grasp", EventKind.RELEASED: "release", EventKind.MI
 """Events that are marked above the time slider, and their names there."""
 
 
+Shown: TypeAlias = Recording | Plan | TwoArmPlan
+"""What a replay shows: what happened, or a valid plan, shown as if it had happened."""
+
+
 class Replay(OneLine):
     """A replay that displays itself in a notebook.
 
@@ -78,13 +83,13 @@ class Replay(OneLine):
 
     def __init__(
         self,
-        recording: Recording | Plan,
+        recording: Shown,
         robot: Baxter | None = None,
         *,
         height_px: int = FRAME_HEIGHT_PX,
         title: str = TITLE,
         body: RobotBody | None = None,
-        compare: Recording | Plan | None = None,
+        compare: Shown | None = None,
         uncounted: Collection[str] = (),
     ) -> None:
         """Make the page.
@@ -122,12 +127,12 @@ class Replay(OneLine):
 
 def write_replay(
     path: PathLike,
-    recording: Recording | Plan,
+    recording: Shown,
     robot: Baxter | None = None,
     *,
     title: str = TITLE,
     body: RobotBody | None = None,
-    compare: Recording | Plan | None = None,
+    compare: Shown | None = None,
 ) -> None:
     """Write the replay to a file, completely or not at all.
 
@@ -149,12 +154,12 @@ def write_replay(
 
 
 def replay_html(
-    recording: Recording | Plan,
+    recording: Shown,
     robot: Baxter | None = None,
     *,
     title: str = TITLE,
     body: RobotBody | None = None,
-    compare: Recording | Plan | None = None,
+    compare: Shown | None = None,
     uncounted: Collection[str] = (),
 ) -> str:
     """The replay as the text of a page; arguments as of `Replay`."""
@@ -171,20 +176,22 @@ def replay_html(
     )
 
 
-def _recording(
-    shown: Recording | Plan, robot: Baxter, body: RobotBody | None, hint: str
-) -> Recording:
+def _recording(shown: Shown, robot: Baxter, body: RobotBody | None, hint: str) -> Recording:
     """The recording, or the one that executing the plan would give, if it is of the robot."""
-    if not isinstance(shown, Recording | Plan):
+    if not isinstance(shown, Recording | Plan | TwoArmPlan):
         raise RecordingError(f"a replay needs a Recording or a Plan, got {type(shown).__name__}")
-    what = "recording is of" if isinstance(shown, Recording) else "plan is for"
-    if isinstance(shown, Recording) and tuple(shown.joint_names) != robot.joint_names:
+    if not isinstance(shown, Recording):
+        difference = difference_of(shown, robot)
+        if difference:
+            raise RecordingError(f"the plan is for another robot: {difference}{hint}")
+        return planned_recording(shown, robot, body=body)
+    if tuple(shown.joint_names) != robot.joint_names:
         raise RecordingError(f"the recording's joints are not those of this robot{hint}")
     own = robot.description.identity
     difference = "" if shown.robot is None else own.difference(shown.robot)
     if difference:
-        raise RecordingError(f"the {what} another robot: {difference}{hint}")
-    return shown if isinstance(shown, Recording) else planned_recording(shown, robot, body=body)
+        raise RecordingError(f"the recording is of another robot: {difference}{hint}")
+    return shown
 
 
 def replay_content(
@@ -297,7 +304,7 @@ def _timeline(
             if timeline
         },
         "marks": [
-            [event.time_s - start_s, MARKS[event.kind], event.text]
+            [event.time_s - start_s, MARKS[event.kind], event.text, event.side]
             for event in recording.events
             if event.kind in MARKS and start_s <= event.time_s <= start_s + recording.duration_s
         ],

@@ -32,18 +32,22 @@ from baxter_kin.validation import expect, expect_all, finite_scalar, positive_sc
 from planner import (
     Body,
     Cylinder,
+    Grip,
     LineTolerance,
     Manipulator,
     Part,
     PickAndPlace,
     Plan,
+    TwoArmPlan,
     Upright,
     make_block,
     overhead_grasp,
     plan_pick_and_place,
     plan_start_move,
+    plan_together,
     tilt_of,
     verify,
+    verify_both,
 )
 from planner.errors import MotionError, SceneError
 from planner.motion.upright import DEFAULT_TILT_RAD
@@ -355,6 +359,64 @@ class Workbench(OneLine):
         self.tasks.append(result)
         return result
 
+    def carry_together(
+        self,
+        left: tuple[str, tuple[float, float] | PoseLike],
+        right: tuple[str, tuple[float, float] | PoseLike],
+    ) -> tuple[TaskResult, TaskResult]:
+        """Bring two blocks somewhere, one with each arm, both at the same time.
+
+        The blocks may lean on their way. If no motion of both at once is found, the arms take
+        turns, and the verdict says why.
+
+        Args:
+            left: name of the left arm's block, and its place as in `carry`.
+            right: likewise of the right arm.
+
+        Returns:
+            The results of the left and the right arm.
+
+        Raises:
+            SceneError: when there is no such block, it cannot be carried, or a place is invalid.
+            SimulationError: when an arm has no fingers.
+            TaskError: when both are the same block.
+        """
+        bodies = {
+            side: self._movable(name) for side, (name, _) in zip(LIMBS, (left, right), strict=True)
+        }
+        goals = {
+            side: tabletop.goal(self.world, bodies[side], to, None)
+            for side, (_, to) in zip(LIMBS, (left, right), strict=True)
+        }
+        arms = {side: self.arm(self._side(side)) for side in LIMBS}
+        began = time.perf_counter()
+        tasks = {side: self._task(arms[side], bodies[side], goals[side]) for side in LIMBS}
+        plan = plan_together(tasks, arms, self.world.state)
+        planning_s = time.perf_counter() - began
+        verdict, is_done = self._executed_together(plan)
+        results = []
+        for side, body in bodies.items():
+            off_m = self._off_m(body.name, goals[side]) if plan.is_valid else None
+            is_there = off_m is not None and off_m <= PLACED_WITHIN_M
+            if is_done and not is_there:
+                verdict = f"it ended {1e3 * (off_m or 0.0):.1f} mm from its place"
+            own = plan.plans[side]
+            results.append(
+                TaskResult(
+                    f"carry {body.name}",
+                    body.name,
+                    side if plan.is_valid else "",
+                    own.motion_time_s,
+                    planning_s,
+                    off_m,
+                    verdict,
+                    is_done and is_there,
+                    own,
+                )
+            )
+        self.tasks += results
+        return results[0], results[1]
+
     def withdraw(self, arm: str) -> TaskResult:
         """Bring an empty arm back beside the table, out of the other's way."""
         side, task = self._side(arm), f"withdraw the {arm} arm"
@@ -456,14 +518,30 @@ class Workbench(OneLine):
     def _planned(
         self, arm: Manipulator, body: Body, T_base_goal: pin.SE3, upright: Upright
     ) -> Plan:
+        task = evolve(self._task(arm, body, T_base_goal), upright=upright)
+        q_start = self.world.arm_q(arm.arm.side)
+        return plan_pick_and_place(task, arm, self.world.scene, q_start, held=self.world.held)
+
+    def _task(self, arm: Manipulator, body: Body, T_base_goal: pin.SE3) -> PickAndPlace:
+        """The task of bringing a body to a pose, grasped from above between its neighbours."""
         others = [other for other in self.world.scene if other.name != body.name]
         T_pick_goal = body.T_base_body * T_base_goal.inverse()  # moves the goal's neighbours there
         at_goal = [other.at(T_pick_goal * other.T_base_body) for other in others]
         pick = overhead_grasp(arm.hand, body, neighbours=[*others, *at_goal])
         place = T_base_goal * body.T_base_body.inverse() * pick
-        task = PickAndPlace(body.name, pick, place, upright=upright)
-        q_start = self.world.arm_q(arm.arm.side)
-        return plan_pick_and_place(task, arm, self.world.scene, q_start, held=self.world.held)
+        return PickAndPlace(body.name, pick, place)
+
+    def _executed_together(self, plan: TwoArmPlan) -> tuple[str, bool]:
+        """Verify a plan of both arms, then execute it; a verdict, and whether all went well."""
+        if plan.failure is not None:
+            return f"refused: {plan.failure}", False
+        certificate = verify_both(plan, description=self.robot.description)
+        if not certificate.is_valid:
+            return f"refused: {certificate.verdict}", False
+        outcome = self.simulation.execute(plan, unverified=True)  # it is verified
+        self.motion_s += _moving_s(plan)
+        order = f"in turn: {plan.in_turn}" if plan.in_turn else "at the same time"
+        return outcome.failure or f"verified, both arms {order}", outcome.is_success
 
     def _carried(
         self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...], upright: Upright
@@ -610,6 +688,16 @@ class Workbench(OneLine):
     def _off_m(self, block: str, T_base_goal: pin.SE3) -> float:
         T_base_block = self.world.body(block).T_base_body
         return float(np.linalg.norm(T_base_block.translation - T_base_goal.translation))
+
+
+def _moving_s(plan: TwoArmPlan) -> float:
+    """How long at least one arm moves."""
+    moving_s = end_s = 0.0
+    for timed in plan.steps:
+        if not isinstance(timed.step, Grip):
+            moving_s += max(timed.end_s - max(timed.begin_s, end_s), 0.0)
+            end_s = max(end_s, timed.end_s)
+    return moving_s
 
 
 def _preference(plan: Plan) -> tuple[bool, float]:

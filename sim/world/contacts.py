@@ -1,4 +1,4 @@
-"""Contacts: what an arm, its hand or what it holds runs into on a move.
+"""Contacts: what an arm, its hand or what it holds runs into on a move; and so for both arms.
 
 A move is checked every `CHECK_S`, at times of its own that do not depend on the tick, with the
 shapes of the planner. What is at most `PRESSING_TOLERANCE_M` inside another only touches it: pads
@@ -14,7 +14,7 @@ The steps of a certified plan are not checked while the world is as they state (
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,12 +23,12 @@ from baxter_kin.display import millimetres, phrase, seconds
 from baxter_kin.fields import evolve, frozen
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect
-from planner import Body, Part, Scene, Trajectory
+from planner import Body, Part, Scene
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
 from planner.plan import Step
 from planner.scene.bodies import Attachment
-from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.scene.contact import PRESSING_TOLERANCE_M, depth_m
 from sim.errors import SimulationError
 from sim.world.world import World
 
@@ -48,7 +48,7 @@ class Contact:
     """Two things that run into each other.
 
     Attributes:
-        time_s: when it is found, since the beginning of the move.
+        time_s: when it is found, since the beginning of the motion that was checked.
         mover: the link of the arm, or the held body.
         other: the body, or the link of the robot, that is in the way.
         is_held: whether `mover` is a held body.
@@ -71,19 +71,27 @@ class Contact:
 
 
 class ContactWatch:
-    """Finds the contacts of moves, in a world in which all but one arm stands still."""
+    """Finds the contacts of moves, in a world in which all else stands still."""
 
     def __init__(self, world: World) -> None:
         self._world = expect(world, World, "world", SimulationError)
         self._lasting: dict[str, frozenset[str]] = dict.fromkeys(LIMBS, frozenset())
-        self._known: tuple[object, _Surroundings] | None = None
+        self._known: dict[str, tuple[object, _Surroundings]] = {}
 
-    def along(self, side: str, trajectory: Trajectory) -> list[Contact]:
-        """The contacts of a move that begins now, in order; one that stops it is the last."""
-        steps = max(1, math.ceil(trajectory.duration / CHECK_S))
-        times_s = np.linspace(0.0, trajectory.duration, steps + 1)
-        path = self._configurations(side, trajectory.sample(times_s).q)
-        return self._contacts(side, path, times_s)
+    def along(
+        self, paths: Mapping[str, FloatArray], times_s: FloatArray, sides: Sequence[str]
+    ) -> list[tuple[str, Contact]]:
+        """The contacts of arms that move from now on, in order; one that stops them is the last.
+
+        Args:
+            paths: of each arm that moves, configurations, shape (n, 7), rad.
+            times_s: their times, shape (n,), in steps of at most `CHECK_S`.
+            sides: the arms whose contacts are sought: one, or both, which may move together.
+
+        Returns:
+            Each contact with its arm.
+        """
+        return self._contacts(sides, self._configurations(paths), times_s, moving=paths)
 
     def at(self, side: str, q: FloatArray) -> list[Contact]:
         """The contacts of an arm that goes to a configuration nearby, shape (7,), rad, likewise.
@@ -91,12 +99,13 @@ class ContactWatch:
         Only that configuration is checked, so a path must be given in steps of `CHECK_S`. What the
         arm touched at the last step, and still does, is not reported again, unless it stops it.
         """
-        path = self._configurations(side, q[None])
-        return self._contacts(side, path, np.zeros(1), self._lasting[side])
+        path = self._configurations({side: q[None]})
+        found = self._contacts((side,), path, np.zeros(1), self._lasting[side])
+        return [contact for _, contact in found]
 
     def is_blocked(self, side: str, q: FloatArray) -> bool:
         """Whether an arm would be in what does not give way at a configuration, shape (7,), rad."""
-        return self._surroundings(side).blocks(self._configurations(side, q[None])[0])
+        return self._surroundings(side, (side,)).blocks(self._configurations({side: q[None]})[0])
 
     def of_fingers(self, side: str, finger_m: float, speed_m_s: float) -> list[Contact]:
         """The contacts of fingers that go from where they are to a position, likewise.
@@ -115,58 +124,105 @@ class ContactWatch:
             for body in world.scene
             if body.is_movable and hand.room_m(T_base_tip, begin_m, body) <= PRESSING_TOLERANCE_M
         ]
-        return self._contacts(side, path, np.abs(positions_m - begin_m) / speed_m_s, between_pads)
+        times_s = np.abs(positions_m - begin_m) / speed_m_s
+        found = self._contacts((side,), path, times_s, between_pads)
+        return [contact for _, contact in found]
 
     def _contacts(
-        self, side: str, path: FloatArray, times_s: FloatArray, left_out: Iterable[str] = ()
-    ) -> list[Contact]:
-        """The contacts along full configurations, shape (n, 19), at times, shape (n,)."""
-        around, lasting = self._surroundings(side), self._lasting[side]
-        passed, found = set(left_out), list[Contact]()
-        touching: dict[str, list[int]] = {}
+        self,
+        sides: Sequence[str],
+        path: FloatArray,
+        times_s: FloatArray,
+        left_out: Iterable[str] = (),
+        moving: Container[str] = LIMBS,
+    ) -> list[tuple[str, Contact]]:
+        """The contacts of arms along full configurations, shape (n, 19), at times, shape (n,).
+
+        Of an arm of `sides` that does not move, only those with what does not give way count, such
+        as the other arm: its fingers may press on what they are about to grasp, or have released.
+        """
+        around = {side: self._surroundings(side, sides) for side in sides}
+        loads = _Loads(self._world, sides)
+        passed, found = {side: set(left_out) for side in sides}, list[tuple[str, Contact]]()
+        touching: dict[str, dict[str, list[int]]] = {}
         for index, q in enumerate(path):
-            touching = around.touching(q)
             span_s = float(times_s[index]), float(times_s[max(index - 1, 0)])
+            touching = {side: around[side].touching(q) for side in sides}
             new = [
-                around.deepest(q, pairs, *span_s)
-                for other, pairs in touching.items()
-                if other not in passed
+                (side, around[side].deepest(q, pairs, *span_s))
+                for side in sides
+                for other, pairs in touching[side].items()
+                if other not in passed[side]
+                and (side in moving or not around[side].gives_way(other))
             ]
-            for contact in sorted(new, key=lambda each: -each.depth_m):
-                if index > 0 or contact.other not in lasting:
-                    found.append(contact)
+            if loads.are_two:
+                new += [(sides[0], contact) for contact in loads.contacts(q, *span_s)]
+            for side, contact in sorted(new, key=lambda each: -each[1].depth_m):
+                if index > 0 or contact.other not in self._lasting[side]:
+                    found.append((side, contact))
                 if contact.stops:
                     return found
-                passed.add(contact.other)
-        self._lasting[side] = frozenset(passed.intersection(touching))
+                passed[side].add(contact.other)
+        for side in (side for side in sides if side in moving):
+            self._lasting[side] = frozenset(passed[side].intersection(touching[side]))
         return found
 
-    def _configurations(self, side: str, qs: FloatArray) -> FloatArray:
-        """Full configurations, shape (n, 19), for those of an arm, shape (n, 7)."""
-        full = np.tile(self._world.q, (len(qs), 1))
-        full[:, list(self._world.robot.indices(self._world.robot.arm(side).joint_names))] = qs
+    def _configurations(self, paths: Mapping[str, FloatArray]) -> FloatArray:
+        """Full configurations, shape (n, 19), for those of arms, each of shape (n, 7)."""
+        full = np.tile(self._world.q, (len(next(iter(paths.values()))), 1))
+        robot = self._world.robot
+        for side, qs in paths.items():
+            full[:, list(robot.indices(robot.arm(side).joint_names))] = qs
         return full
 
-    def _surroundings(self, side: str) -> _Surroundings:
-        """What is around an arm; made anew when something has moved since the last time."""
-        held = self._world.holding(side)
+    def _surroundings(self, side: str, sides: Sequence[str]) -> _Surroundings:
+        """What is around an arm; made anew when something has moved since the last time.
+
+        Bodies that other hands of `sides` hold are left out, as they may move along.
+        """
+        carried = {each.body for each in self._world.held if each.side in sides}
         bodies = [
             (body.name, body.parts, body.T_base_body.homogeneous.tobytes())
             for body in self._world.scene
-            if held is None or body.name != held.body
+            if body.name not in carried
         ]
-        key = side, self._world.held, bodies
-        if self._known is None or self._known[0] != key:
-            self._known = key, _Surroundings(self._world, side)
-        return self._known[1]
+        key = self._world.held, bodies
+        if side not in self._known or self._known[side][0] != key:
+            self._known[side] = key, _Surroundings(self._world, side, carried)
+        return self._known[side][1]
+
+
+class _Loads:
+    """What both hands hold, where both arms may move; nothing otherwise."""
+
+    def __init__(self, world: World, sides: Sequence[str]) -> None:
+        held = [each for each in map(world.holding, sides) if each is not None]
+        self.are_two = len(held) == len(LIMBS)
+        self._held = held if self.are_two else []
+        self._bodies = [_laden(world, each.body) for each in self._held]
+        self._robot = world.robot
+
+    def contacts(self, q: FloatArray, time_s: float, free_s: float) -> Iterator[Contact]:
+        """The contact of one with the other at a full configuration, if there is one."""
+        poses = []
+        for each in self._held:
+            arm = self._robot.arm(each.side)
+            q_arm = q[list(self._robot.indices(arm.joint_names))]
+            poses.append(arm.T_base_tip(q_arm) * each.T_link_body)
+        placed = [body.at(T) for body, T in zip(self._bodies, poses, strict=True)]
+        inside_m = depth_m(*placed) if placed else 0.0
+        if inside_m > PRESSING_TOLERANCE_M:
+            first, second = placed
+            yield Contact(time_s, first.name, second.name, True, inside_m, True, free_s)
 
 
 class _Surroundings:
     """Everything that one arm, and what it holds, may run into."""
 
-    def __init__(self, world: World, side: str) -> None:
+    def __init__(self, world: World, side: str, carried: Collection[str]) -> None:
+        """Build the geometry; `carried` are held bodies that may move."""
         held = world.holding(side)
-        away = set() if held is None else {held.body, *world.riders(held.body)}
+        away = {each for name in carried for each in (name, *world.riders(name))}
         self._scene = Scene.of(body for body in world.scene if body.name not in away)
         self._in_hands = {each.body for each in world.held}
         self._held, self._side = None if held is None else held.body, side
@@ -186,14 +242,14 @@ class _Surroundings:
         distances_m = self._checker.distances_m(q, pairs, NEAR_M)
         nearest = int(np.argmin(distances_m))
         mover, other = self._names(pairs[nearest])
-        is_held, stops = mover == self._held, not self._gives_way(other)
+        is_held, stops = mover == self._held, not self.gives_way(other)
         return Contact(time_s, mover, other, is_held, -distances_m[nearest], stops, free_s)
 
     @cached_property
     def blocks(self) -> Touches:
         """Whether the arm is in what does not give way at a full configuration."""
         pairs = range(len(self._checker.pairs))
-        passed = [pair for pair in pairs if self._gives_way(self._names(pair)[1])]
+        passed = [pair for pair in pairs if self.gives_way(self._names(pair)[1])]
         return Touches(self._checker, -PRESSING_TOLERANCE_M, left_out=passed)
 
     def _names(self, pair: int) -> tuple[str, str]:
@@ -207,7 +263,7 @@ class _Surroundings:
         is_link = name.startswith((f"{self._side}_", f"{self._side[0]}_gripper"))
         return name == self._held or (is_link and name not in self._scene.bodies)
 
-    def _gives_way(self, name: str) -> bool:
+    def gives_way(self, name: str) -> bool:
         """Whether it is a movable body that no hand holds."""
         body = self._scene.bodies.get(name)
         return body is not None and body.is_movable and name not in self._in_hands

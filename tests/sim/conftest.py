@@ -16,14 +16,25 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, Plan, plan_start_move
+from baxter_kin.kinematics.arm import LIMBS
+from planner import (
+    Body,
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    State,
+    TwoArmPlan,
+    make_block,
+    plan_start_move,
+)
 from planner.scene.bodies import Box, Part
+from planner.two_arms.together import plan_together
 from sim import Event, Outcome, Recorder, Replay, Simulation, World
 from sim.recording.recording import Recording
 from sim.view.overlays import HOLDING_RGB
 from tests.chromium import at_usual_priority, find_chromium
-from tests.conftest import at
-from tests.sim.runs import Run
+from tests.conftest import at, overhead
+from tests.sim.runs import PICKS, PLACES, Run
 
 SWITCHES = (
     "--no-sandbox",
@@ -144,6 +155,30 @@ def watched_page(browser: Browser) -> Iterator[Watched]:
 def watched(browser: Browser) -> Iterator[Watched]:
     with watched_page(browser) as watched:
         yield watched
+
+
+@pytest.fixture(scope="session")
+def start(robot: Baxter, table: Body) -> State:
+    """Both arms at their starts, and a block for each on the table."""
+    world = World(robot)
+    world.spawn(table)
+    for side, (name, x, y) in PICKS.items():
+        world.move_arm(side, robot.arm(side).start)
+        world.spawn(make_block(name, at(x, y, -0.13)))
+    return world.state
+
+
+@pytest.fixture(scope="session")
+def both(robot: Baxter, start: State) -> TwoArmPlan:
+    """Both arms pick and place at the same time."""
+    tasks = {
+        side: PickAndPlace(name, overhead(x, y, -0.129), overhead(*PLACES[side], -0.129))
+        for side, (name, x, y) in PICKS.items()
+    }
+    plan = plan_together(tasks, {side: Manipulator.of(robot, side) for side in LIMBS}, start)
+    assert plan.is_valid, str(plan.failure)
+    assert not plan.in_turn
+    return plan
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,10 @@ from tests.conftest import overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
 
+PICKS = {"left": ("red", 0.65, 0.25), "right": ("blue", 0.65, -0.25)}
+PLACES = {"left": (0.75, 0.12), "right": (0.75, -0.12)}
+"""What both arms pick and where they place it, at the same time."""
+
 
 class Witness(Observer):
     """Stores all snapshots and events, in order."""

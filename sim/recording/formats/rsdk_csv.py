@@ -44,7 +44,8 @@ from baxter_kin.fields import NotCopied
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS, LIMBS, arm_joints
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Grip, GripperAction, Move, Plan
+from planner import Grip, GripperAction, Move, Plan, TwoArmPlan
+from planner.errors import TaskError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import RecordingError
 from sim.files import Line, LineFile, read_lines
@@ -167,14 +168,23 @@ class PlanCsvFile(NotCopied, OneLine):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, plan: Plan) -> None:
+    def add(self, plan: Plan | TwoArmPlan) -> None:
         """Write the steps of a plan.
+
+        A plan of both arms is written on its clock, to which no dwell is added: an arm stands for
+        `grip_s` at each gripper action, and the fingers act in the middle of that.
 
         Raises:
             RecordingError: when it has the wrong type, is invalid, does not say where the other
-                arm stands, or starts elsewhere than the last one ended; or when the file cannot be
-                written.
+                arm stands, or starts elsewhere than the last one ended; when an arm of both has no
+                moves; or when the file cannot be written.
         """
+        if isinstance(plan, TwoArmPlan):
+            _refuse_invalid(plan)
+            for each in plan.plans.values():
+                self._begin(each)
+            self._on_clock(plan)
+            return
         self._begin(expect(plan, Plan, "plan", RecordingError))
         for step in plan:
             if isinstance(step, Move):
@@ -221,13 +231,39 @@ class PlanCsvFile(NotCopied, OneLine):
 
         self._clock.advance(move.trajectory.duration, follow, self._write)
 
+    def _on_clock(self, plan: TwoArmPlan) -> None:
+        """Write the motion of both arms; grippers are commanded in the middle of their actions."""
+        try:
+            motion = plan.trajectory
+        except TaskError as cause:
+            raise RecordingError(str(cause)) from cause
+        names, zero_s = motion.limits.names, self._clock.time_s
+        orders = {side: [names.index(name) for name in arm_joints(side)] for side in LIMBS}
+        wait_s = max(plan.grip_s - TRAVEL_S, 0.0) / 2
+        grips = [each for each in plan.steps if isinstance(each.step, Grip)]
+        for end_s, grip in [*((each.begin_s + wait_s, each) for each in grips), (None, None)]:
+            begin_s = self._clock.time_s - zero_s
+
+            def follow(time_s: float, begin_s: float = begin_s) -> None:
+                q: FloatArray = motion.sample(min(begin_s + time_s, motion.duration)).q
+                self._arms = {side: q[order] for side, order in orders.items()}
+
+            self._clock.advance(
+                (motion.duration if end_s is None else end_s) - begin_s, follow, self._write
+            )
+            if grip is not None and isinstance(grip.step, Grip):
+                self._command(grip.side, grip.step)
+
     def _grip(self, limb: str, grip: Grip) -> None:
         self._stand(self._dwell_s)
+        self._command(limb, grip)
+        self._stand(TRAVEL_S + self._dwell_s)
+
+    def _command(self, limb: str, grip: Grip) -> None:
         if grip.action is GripperAction.CLOSE:
             self._percent[limb] = 0.0
         else:
             self._percent[limb] = 100.0 if grip.opening_m is None else _percent(grip.opening_m)
-        self._stand(TRAVEL_S + self._dwell_s)
 
     def _stand(self, duration_s: float) -> None:
         self._clock.advance(duration_s, lambda _: None, self._write)
@@ -256,20 +292,23 @@ def warn_if_as_drawn(robot: RobotIdentity, path: PathLike) -> None:
         )
 
 
-def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None = None) -> None:
+def write_csv(
+    what: Recording | Plan | TwoArmPlan, path: PathLike, *, dwell_s: float | None = None
+) -> None:
     """Write a recording, or a plan for a robot to play back, as the RSDK's CSV.
 
     A recording is written as it happened, of one arm alone when no more was recorded. A plan is
     written as it is commanded, at 100 Hz, its grippers with dwells: for
     `joint_trajectory_file_playback.py`, planned at a speed ratio of at most 0.25
     (`sim.recording.formats.rsdk_csv` states why). A plan for Baxter as it is drawn is written with
-    a warning in the log.
+    a warning in the log. A plan of both arms is written on its clock (`PlanCsvFile.add`); give it a
+    `grip_s` of some seconds, as a robot lags.
 
     Args:
         what: what to write.
         path: the file; an older one is replaced.
-        dwell_s: of a plan: how long the arm stands before each gripper action and after it, 0 to
-            60 s; 1 s when not given.
+        dwell_s: of a plan of one arm: how long it stands before each gripper action and after it, 0
+            to 60 s; 1 s when not given.
 
     Raises:
         RecordingError: when it has the wrong type, the file cannot be written, the recording lacks
@@ -280,6 +319,13 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
         _refuse_invalid(what)
         _start(what)
         with PlanCsvFile(path, dwell_s=ROBOT_DWELL_S if dwell_s is None else dwell_s) as plans:
+            plans.add(what)
+        return
+    if isinstance(what, TwoArmPlan):
+        if dwell_s is not None:
+            raise RecordingError("dwell_s is for one arm; both stand for grip_s, which is planned")
+        _refuse_invalid(what)
+        with PlanCsvFile(path) as plans:
             plans.add(what)
         return
     recording = expect(
@@ -295,7 +341,7 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
         file.close()
 
 
-def _refuse_invalid(plan: Plan) -> None:
+def _refuse_invalid(plan: Plan | TwoArmPlan) -> None:
     if plan.failure is not None:
         raise RecordingError(f"an invalid plan cannot be executed: {plan.failure}")
 

@@ -74,6 +74,8 @@ def test_noise_asks_for_retries_by_itself() -> None:
     [
         ("--limb up", "--limb: invalid choice: 'up'"),
         ("--hover 0", "--hover: 0 is not above zero"),
+        ("--both-arms --limb right --cycles 2", "goes without --limb right, --cycles"),
+        ("--both-arms --noise-mm 1", "goes without --retries or noise"),
         ("--hover nan", "--hover: 'nan' is not a finite number"),
         ("--speed 1.5", "--speed: 1.5 is not from 0.001 to 1"),
         ("--speed 0", "--speed: 0 is not from 0.001 to 1"),

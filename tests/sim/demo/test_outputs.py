@@ -14,7 +14,7 @@ from sim import Recorder, Simulation, World, read_recording
 from sim.demo import Interrupt
 from sim.demo.options import DemoOptions
 from sim.demo.outputs import outputs
-from sim.demo.run import InterruptCheck
+from sim.demo.session import InterruptCheck
 
 
 @pytest.fixture

@@ -218,7 +218,8 @@ def test_a_summary_has_what_is_known(
     nothing = "time: planning 0.50 s, arm motion 0.00 s, wall clock 1.25 s\n"
     assert capsys.readouterr().out == nothing
     add(report, plan, Outcome(None, 6.5))
-    report.block_start_m, report.block_final_m = (0.7, 0.15, -0.13), (0.7, 0.1, -0.13)
+    report.blocks_start_m = {"block": (0.7, 0.15, -0.13)}
+    report.blocks_final_m = {"block": (0.7, 0.1, -0.13)}
     report.finish()
     carried_s = plan.moves[1].trajectory.duration
     assert capsys.readouterr().out.splitlines() == [

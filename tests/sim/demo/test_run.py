@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Manipulator, load_plan, transfer_bound_s, verify
+from planner import Manipulator, load_plan, load_two_arm_plan, transfer_bound_s, verify
 from planner.plan import SHOWN_RAD
 from sim import read_recording
 from sim.demo import main
@@ -412,3 +412,32 @@ def test_summary_without_a_transfer_compares_none(capsys: pytest.CaptureFixture[
     printed = capsys.readouterr().out
     assert "time: planning" in printed
     assert "from grasp to release" not in printed
+
+
+@pytest.mark.slow
+def test_both_arms_let_two_blocks_change_sides_at_the_same_time(tmp_path: Path) -> None:
+    """Half a minute, nearly all of it planning: the arms' ways cross."""
+    record, file = tmp_path / "both.mcap", tmp_path / "plan.json"
+    report = report_of(tmp_path, "--both-arms", "--record", str(record), "--plan", str(file))
+    assert report["success"]
+    assert report["limb"] == "both"
+    assert [cycle["limb"] for cycle in report["cycles"]] == ["left", "right"]
+    together = report["together"]
+    assert together["planned"]
+    assert together["verified"]
+    assert load_two_arm_plan(file).duration_s == pytest.approx(together["duration_s"])
+    assert together["in_turn"] == ""
+    assert together["proven_clearance_m"] > 0.0
+    for cycle in report["cycles"]:
+        assert cycle["success"]
+        assert cycle["duration_s"] == pytest.approx(together["duration_s"], abs=1e-6)
+        block = report["blocks"][cycle["block"]]
+        np.testing.assert_allclose(block["final_m"][:2], cycle["place_m"][:2], atol=PLACED_WITHIN_M)
+        assert block["start_m"][1] * block["final_m"][1] < 0.0  # on the other side
+    alone_s = sum(
+        each["end_s"] - each["begin_s"] for each in together["steps"] if each["arm"] == "left"
+    )
+    assert together["duration_s"] < 1.6 * alone_s
+    found = read_recording(record).recording
+    assert {move.limb for move in found.moves} == {"left", "right"}
+    assert found.limbs == ("left", "right")

@@ -13,7 +13,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.errors import PoseError, UnknownNameError
 from planner import make_block, verify
-from planner.errors import MotionError, SceneError
+from planner.errors import MotionError, SceneError, TaskError
 from sim import EventKind, SimulationError, TaskResult, Workbench
 from sim.workbench.tabletop import TABLE_Z_M, on_table
 from tests.conftest import at
@@ -305,3 +305,25 @@ def test_wrong_arguments_are_refused(robot: Baxter, still: Workbench) -> None:
         TaskResult("carry red", "red", "left", 1.0, 1.0, 0.0, "verified", wrong)
     with pytest.raises(UnknownNameError, match="middle"):
         still.withdraw("middle")
+
+
+def test_two_blocks_go_where_they_are_sent_at_the_same_time(robot: Baxter) -> None:
+    bench = Workbench(robot)
+    bench.add_block("red", 0.65, 0.25)
+    bench.add_block("blue", 0.65, -0.25)
+    places = {"red": (0.75, 0.12), "blue": (0.75, -0.12)}
+    results = bench.carry_together(*places.items())
+    assert [result.arm for result in results] == ["left", "right"]
+    for result in results:
+        assert result.is_done, result.verdict
+        wanted = [*places[result.block], TABLE_Z_M + 0.025]
+        assert middle_of(bench, result.block) == pytest.approx(wanted, abs=PLACED_WITHIN_M)
+    assert tuple(bench.tasks) == results
+    assert bench.motion_s < 0.6 * sum(result.motion_s for result in results)
+    before = bench.world.q
+    with pytest.raises(TaskError):
+        bench.carry_together(left=("red", (0.7, 0.2)), right=("red", (0.7, 0.0)))
+    beside = bench.carry_together(left=("red", (1.8, 0.2)), right=("blue", (0.7, -0.2)))
+    assert [result.is_done for result in beside] == [False, False]
+    assert all(result.verdict.startswith("refused: ") for result in beside)
+    np.testing.assert_array_equal(bench.world.q, before)

@@ -14,8 +14,10 @@ const UNMEASURED = {
 const REFRESH_MS = 100;
 const WIDE_PX = 1100;
 const HIGH_PX = 640;
+const BOTH = "both";
+const LANE_OFFSET = 1.15; // of both arms' curves in one plot: the left arm's above, the right arm's below
 
-const panel = { plots: {}, bounds: [], clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, from: 0, refreshed: 0, waiting: 0, time: 0, waypoint: null };
+const panel = { plots: {}, bounds: [], clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, from: 0, refreshed: 0, waiting: 0, time: 0, waypoints: null };
 
 // Where the panel is: the replay's time, or now.
 const panelTime = () => panel.time;
@@ -53,29 +55,46 @@ function seekFromPanel(time) {
   if (document.body.dataset.mode === "replay") replay.jump(time);
 }
 
-// New data: other arms, or other limits.
+// New data: other arms, or other limits. A replay shows all arms that moved.
 function listArms() {
   const sides = Object.keys(telemetry.arms);
-  element("arm").replaceChildren(...sides.map((side) => make("option", { value: side, textContent: `${side} arm` })));
+  const choices = sides.length > 1 ? [...sides, BOTH] : sides;
+  element("arm").replaceChildren(...choices.map((side) => make("option", { value: side, textContent: side === BOTH ? "both arms" : `${side} arm` })));
   element("joint-section").hidden = sides.length === 0;
-  if (sides.length) chooseArm(sides.includes(panel.side) ? panel.side : sides[0]);
+  const wanted = document.body.dataset.mode === "replay" && !panel.isChosen ? choices[choices.length - 1] : panel.side;
+  if (sides.length) chooseArm(choices.includes(wanted) ? wanted : sides[0]);
+}
+
+// The arms whose joints are shown: the chosen one, or both.
+const shownArms = () => (panel.side === BOTH ? Object.keys(telemetry.arms) : [panel.side]).filter((side) => telemetry.arms[side]);
+
+// Their joints in order; each of them knows where the zero of its curves is in a plot.
+function shownJoints() {
+  const sides = shownArms();
+  return sides.flatMap((side, k) => telemetry.arms[side].joints.map((name, j) => {
+    const zero = sides.length > 1 ? [LANE_OFFSET, -LANE_OFFSET][k] : 0;
+    return { arm: telemetry.arms[side], name, j, zero };
+  }));
 }
 
 function chooseArm(side) {
   panel.side = side;
   panel.joint = null;
   element("arm").value = side;
-  listJoints(telemetry.arms[side]);
+  listJoints();
   drawPanel();
 }
 
 // One row a joint; its head is also the key to its curve, and brings it out.
-function listJoints(arm) {
+function listJoints() {
   panel.cells = [];
-  element("joints").replaceChildren(...arm.joints.map((name, j) => {
-    const button = make("button", { type: "button", title: `bring out ${name}` }, swatch(j), name.replace(/^(left|right)_/, ""));
+  const isBoth = shownArms().length > 1;
+  element("joint-section").classList.toggle("both", isBoth);
+  element("joints").replaceChildren(...shownJoints().map(({ name, j }, row) => {
+    const [side, joint] = name.split("_");
+    const button = make("button", { type: "button", title: `bring out ${name}` }, swatch(j), isBoth ? `${side[0].toUpperCase()} ${joint}` : joint);
     button.setAttribute("aria-pressed", "false");
-    button.addEventListener("click", () => bringOut(j));
+    button.addEventListener("click", () => bringOut(row));
     const cells = Object.keys(QUANTITIES).map(() => make("td"));
     panel.cells.push(cells);
     const head = make("th", {}, button);
@@ -145,8 +164,7 @@ function drawPanel() {
   if (element("panel").hidden || !viewer) return;
   panel.drawn = telemetry.version;
   panel.from = plotWindow(panel.time).from;
-  const arm = telemetry.arms[panel.side];
-  if (arm) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(arm, key));
+  if (shownArms().length) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(key));
   for (const bound of panel.bounds) bound.plot.draw(boundPicture(bound));
   element("clearance-section").hidden = !telemetry.clearance && !telemetry.unmeasured;
   element("plot-clearance").hidden = !telemetry.clearance;
@@ -154,24 +172,39 @@ function drawPanel() {
   pointPanel(panel.time, { isNow: true });
 }
 
-function jointPicture(arm, key) {
-  const only = panel.joint;
-  const joints = arm.joints.map((_, j) => j).sort((one, other) => (one === only) - (other === only));
-  const curves = joints.map((j) => ({
-    times: arm.times,
-    values: (i) => SHARE[key](arm, j, arm[key][i * arm.joints.length + j]),
-    colour: only === null || only === j ? `--joint-${j}` : "--grid",
-    dash: DASHES[j],
-    width: only === j ? 2.4 : 1.5,
-  }));
-  return { ...plotWindow(panel.time), low: -1.08, high: 1.08, curves, rules: jointRules(arm, key) };
+function jointPicture(key) {
+  const joints = shownJoints();
+  const only = joints[panel.joint];
+  const curves = joints.map((joint) => {
+    const { arm, j, zero } = joint;
+    return {
+      times: arm.times,
+      values: (i) => zero + SHARE[key](arm, j, arm[key][i * arm.joints.length + j]),
+      colour: !only || only === joint ? `--joint-${j}` : "--grid",
+      dash: DASHES[j],
+      width: only === joint ? 2.4 : 1.5,
+    };
+  });
+  if (only) curves.push(...curves.splice(panel.joint, 1)); // above all others
+  const sides = shownArms();
+  const rules = sides.length > 1 ? laneRules(sides) : jointRules(only, key);
+  const high = sides.length > 1 ? LANE_OFFSET + 1.08 : 1.08;
+  return { ...plotWindow(panel.time), low: -high, high, curves, rules };
+}
+
+// The zero and the limits of each arm.
+function laneRules(sides) {
+  return sides.flatMap((side, k) => {
+    const zero = [LANE_OFFSET, -LANE_OFFSET][k];
+    return [{ at: zero + 1, label: "", isLimit: true }, { at: zero, label: side }, { at: zero - 1, label: "", isLimit: true }];
+  });
 }
 
 // The limits; in numbers where they are those of one joint.
-function jointRules(arm, key) {
-  const j = panel.joint;
+function jointRules(only, key) {
   const middle = { at: 0, label: "0" };
-  if (j === null) return [{ at: 1, label: "100 %", isLimit: true }, middle, { at: -1, label: "−100 %", isLimit: true }];
+  if (!only) return [{ at: 1, label: "100 %", isLimit: true }, middle, { at: -1, label: "−100 %", isLimit: true }];
+  const { arm, j } = only;
   const [low, high] = key === "q" ? [arm.q_min[j], arm.q_max[j]] : [-arm[`${key}_max`][j], arm[`${key}_max`][j]];
   middle.label = signed((low + high) / 2, 2);
   return [{ at: 1, label: signed(high, 2), isLimit: true }, middle, { at: -1, label: signed(low, 2), isLimit: true }];
@@ -209,12 +242,14 @@ function refreshPanel() {
 }
 
 function showNumbers(time) {
-  const arm = telemetry.arms[panel.side];
-  if (!arm) return;
-  Object.entries(QUANTITIES).forEach(([key, [, , digits]], column) => {
-    const values = jointValues(arm, key, time);
-    if (values) values.forEach((value, j) => showValue(panel.cells[j][column], value, digits, SHARE[key](arm, j, value)));
-  });
+  let row = 0;
+  for (const arm of shownArms().map((side) => telemetry.arms[side])) {
+    Object.entries(QUANTITIES).forEach(([key, [, , digits]], column) => {
+      const values = jointValues(arm, key, time);
+      if (values) values.forEach((value, j) => showValue(panel.cells[row + j][column], value, digits, SHARE[key](arm, j, value)));
+    });
+    row += arm.joints.length;
+  }
 }
 
 function showValue(cell, value, digits, share) {

@@ -86,16 +86,40 @@ function announceTime() {
   announce(text);
 }
 
-// Thin ticks where a stage begins, and buttons where something is grasped, released or missed.
+// Where the time line shows the moves of each arm by itself: both have moved.
+const lanes = () => (recording.sides.length > 1 ? recording.sides : []);
+
+// Of both arms, each one's moves above or below the slider; an arm that holds something has the
+// gripper's colour then.
+function showLanes() {
+  element("track").classList.toggle("both", lanes().length > 0);
+  const share = (time) => `${100 * time / (recording.duration || 1)}%`;
+  for (const side of ["left", "right"]) {
+    const moves = lanes().length ? telemetry.waypoints.filter((waypoint) => waypoint.side === side) : [];
+    element(`${side}-lane`).setAttribute("aria-label", `${side} arm: ${moves.length} moves`);
+    element(`${side}-lane`).replaceChildren(...moves.map(({ start, end, label }) => {
+      const to = end === null ? recording.duration : end;
+      const node = make("i", { title: `${side} arm, ${start.toFixed(1)} to ${to.toFixed(1)} s: ${label}` });
+      Object.assign(node.style, { left: share(start), width: share(to - start) });
+      const phases = recording.grippers[side];
+      if (phases) node.dataset.mood = current(phases, (start + to) / 2)[2];
+      return node;
+    }));
+  }
+}
+
+// Thin ticks where a stage begins, unless lanes show that, and buttons where something is grasped,
+// released or missed; those of the right arm below its lane.
 function showMarks() {
   element("marks").replaceChildren();
   const put = (node, time) => {
     node.style.left = `${100 * time / (recording.duration || 1)}%`;
     element("marks").append(node);
   };
-  for (const [time] of recording.captions.slice(1)) put(make("i"), time);
-  for (const [time, kind, text] of recording.marks) {
+  if (!lanes().length) for (const [time] of recording.captions.slice(1)) put(make("i"), time);
+  for (const [time, kind, text, side] of recording.marks) {
     const button = make("button", { type: "button", className: kind, title: text, textContent: kind });
+    if (lanes().length && side) button.dataset.side = side;
     button.setAttribute("aria-label", `${kind} at ${time.toFixed(1)} s: ${text}`);
     button.addEventListener("click", () => replay.jump(time));
     put(button, time);
@@ -107,9 +131,14 @@ function showMarks() {
 function labelMarks() {
   const marks = element("marks");
   marks.classList.remove("dense");
-  const boxes = [...marks.querySelectorAll("button")].map((button) => button.getBoundingClientRect());
-  boxes.sort((one, other) => one.left - other.left);
-  marks.classList.toggle("dense", boxes.some(({ left }, i) => i > 0 && left < boxes[i - 1].right));
+  const isDense = (buttons) => {
+    const boxes = buttons.map((button) => button.getBoundingClientRect());
+    boxes.sort((one, other) => one.left - other.left);
+    return boxes.some(({ left }, i) => i > 0 && left < boxes[i - 1].right);
+  };
+  const buttons = [...marks.querySelectorAll("button")];
+  const below = (button) => button.dataset.side === "right";
+  marks.classList.toggle("dense", isDense(buttons.filter(below)) || isDense(buttons.filter((button) => !below(button))));
 }
 
 // The time line's tooltip names the stage under the cursor.
@@ -175,6 +204,7 @@ function startReplay(content, { time = 0 } = {}) {
   document.body.classList.toggle("inked", recording.ink.length > 0);
   listStages(recording.captions);
   listWaypoints();
+  showLanes();
   showMarks();
   view.points = actionPoints();
   view.isMirrored = recording.sides.join() === "right";

@@ -122,8 +122,11 @@ function clearanceAt(time) {
   };
 }
 
-// The waypoint that is being moved to.
-const waypointAt = (time) => telemetry.waypoints.findIndex(({ start, end }) => start < time && (end === null || time <= end + 1e-6));
+// Numbers of the waypoints that are being moved to: one, or one of each arm.
+const waypointsAt = (time) => [...telemetry.waypoints.keys()].filter((k) => {
+  const { start, end } = telemetry.waypoints[k];
+  return start < time && (end === null || time <= end + 1e-6);
+});
 
 // A residual with one digit, such as 3e−12 m, on one line.
 const residual = (value, unit) => `${value === 0 ? 0 : value.toExponential(0).replace("-", "−")}\u00a0${unit}`;

@@ -5,7 +5,7 @@ function listWaypoints() {
   element("waypoints").replaceChildren(...telemetry.waypoints.map((waypoint) => waypointRow(waypoint, sides.size > 1, isReplay)));
   element("waypoint-section").hidden = !telemetry.waypoints.length && element("stages").options.length < 2;
   element("waypoint-table").hidden = !telemetry.waypoints.length;
-  panel.waypoint = null;
+  panel.waypoints = null;
   showWaypoint(panelTime());
 }
 
@@ -19,14 +19,15 @@ function waypointRow({ label, side, seed, end, position_error_m: off_m, orientat
 }
 
 function showWaypoint(time) {
-  const index = waypointAt(time);
-  if (index === panel.waypoint) return;
-  panel.waypoint = index;
+  const now = waypointsAt(time);
+  if (String(now) === String(panel.waypoints)) return;
+  panel.waypoints = now;
   const rows = element("waypoints").rows;
   for (const row of rows) row.removeAttribute("aria-current");
-  if (index < 0 || !rows[index]) return;
-  rows[index].setAttribute("aria-current", "true");
-  bringIntoSight(rows[index], element("waypoint-table"));
+  for (const row of now.map((index) => rows[index]).filter(Boolean)) {
+    row.setAttribute("aria-current", "true");
+    bringIntoSight(row, element("waypoint-table"));
+  }
 }
 
 // Within its own table only; the panel does not scroll by itself.
