@@ -26,6 +26,8 @@ import sim as s
 from baxter_kin import Baxter, ElectricGripper, IKService, ik
 from baxter_kin.ik.tolerance import Task
 from fuzzing.targets import CONSTRUCTIBLE, Target
+from planner.clearance import Clearance, ContinuousProof
+from planner.two_arms.relative_pose import RelativeDeviation
 from planner.verification import Relation
 from sim.events import Sample
 from sim.ros1.definitions import message_type
@@ -159,6 +161,17 @@ def _world() -> s.World:
     return world
 
 
+def _pair_move() -> Any:
+    near = Clearance(0.02, "left_hand", "table", 0.5)
+    return p.PairMove(
+        "tray",
+        one("Trajectory"),
+        np.eye(4)[None],
+        RelativeDeviation(1e-5, 1e-4, 256),
+        ContinuousProof(0.01, near, 0.0, 1, 1),
+    )
+
+
 def _sample() -> Sample:
     flags = {"is_enabled": True, "is_stopped": False, "has_error": False}
     return Sample(0.0, "left", *[np.array(one("q"))] * 3, np.zeros(7), 0.0, 0.0, **flags)
@@ -227,6 +240,11 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
             0.5,
             failure=p.PlanFailure("place: descend", "both hands cannot be there at once"),
         ),
+        "TwoArmCertificate": lambda: p.TwoArmCertificate({}, 1.0, "none is found"),
+        "FollowedPath": lambda: p.FollowedPath(
+            tuple(one("Polyline").pieces()), np.ones(1), speed_m_s=0.1
+        ),
+        "PairMove": _pair_move,
         "PickAndPlace": lambda: p.PickAndPlace(BODY, one("T_grasp"), one("T_grasp")),
         "Transfer": lambda: s.Transfer(
             BODY,
@@ -375,13 +393,23 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "TwoArmPlan.plans": _made_by(_both_plans),
         "TwoArmPlan.begins_s": _made_by(_both_begins),
         "steps_of.side": _given("left"),
+        "Replay.recording": _of("Recording"),
+        "compare": _given(None),
+        "drawing": _of("Polyline"),
+        "write_replay.recording": _of("Recording"),
+        "part.joints": _given(slice(0, 3)),
+        "strokes": _given(None),
         "side_by_side.each": _made_by(lambda: [one("JointLimits")]),
         "plan_together.tasks": _made_by(
             lambda: {side: one("PickAndPlace") for side in ("left", "right")}
         ),
-        "plan_together.manipulators": _made_by(
+        "manipulators": _made_by(
             lambda: {"left": one("Manipulator"), "right": p.Manipulator.of(one("Baxter"), "right")}
         ),
+        "PairMove.deviation": _made_by(lambda: one("PairMove").deviation),
+        "PairMove.proof": _made_by(lambda: one("PairMove").proof),
+        "carry_together.left": _made_by(lambda: (BODY, (0.7, 0.2))),
+        "carry_together.right": _made_by(lambda: (BODY, (0.7, -0.2))),
         "plan_retract.retreat": _given(()),
         **dict.fromkeys(
             ("approach", "retreat", "place_approach", "place_retreat"),

@@ -50,7 +50,8 @@ def test_no_instant_is_beyond_the_bounds_which_are_close(
     """Of any motion: the pose wanted is that at the start, which most motions leave by far."""
     rng, limits = np.random.default_rng(seed), mover.limits
     q_start = rng.uniform(0.8 * limits.q_min, 0.8 * limits.q_max)
-    motion = plan_joint_move(q_start, q_start + rng.uniform(-size, size, 14), limits)
+    q_goal = np.clip(q_start + rng.uniform(-size, size, 14), limits.q_min, limits.q_max)
+    motion = plan_joint_move(q_start, q_goal, limits)
     wanted = by_pinocchio(robot, q_start)
     times = rng.uniform(0.0, motion.duration, INSTANTS)
     measured = worst(robot, motion, wanted, np.append(times, motion.duration))
