@@ -15,7 +15,7 @@ import gc
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import overload
 
 import numpy as np
@@ -55,6 +55,7 @@ from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
 from sim.simulation import Outcome
 
+ENABLE = "/robot/set_super_enable"
 ENABLE_S, ENABLE_HZ = 5.0, 20.0
 """How long, and how often, the robot is asked to switch its motors on."""
 
@@ -157,7 +158,7 @@ class RosExecutor(NotCopied, OneLine):
         if self._watch is not None:
             self._watch.request(cause)
 
-    def enable(self, limb: str) -> None:
+    def enable(self) -> None:
         """Switch the motors on, if they are off.
 
         Raises:
@@ -165,7 +166,7 @@ class RosExecutor(NotCopied, OneLine):
         """
         if self._is_enabled():
             return
-        with ArmChannel(self._link, limb) as channel:
+        with closing(self._link.node.advertise(ENABLE, "std_msgs/Bool")) as publisher:
             end_s = time.monotonic() + ENABLE_S
             while not self._is_enabled():
                 if time.monotonic() > end_s:
@@ -173,7 +174,7 @@ class RosExecutor(NotCopied, OneLine):
                         f"the robot is not enabled after {ENABLE_S:g} s; a tucked one must be "
                         "untucked first"
                     )
-                channel.enable()
+                publisher.send(data=True)
                 self._link.wait_until(self._is_enabled, 1.0 / ENABLE_HZ)
 
     def execute(
@@ -198,7 +199,7 @@ class RosExecutor(NotCopied, OneLine):
         arms = [ready] if isinstance(ready, ReadyPlan) else list(ready.arms.values())
         for arm in arms:
             check_unmoved(self._link, arm)
-        self.enable(arms[0].plan.limb)
+        self.enable()
         with self._execution(ready, title) as execution:
             self._watch = execution.watch
             if self._requested is not None:

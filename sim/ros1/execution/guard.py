@@ -231,15 +231,20 @@ class PathGuard:
                 return self._joint_stop(StopCause.RUNNING_AWAY, growth, MAX_GROWTH_RAD)
         return self._path_stop(q)
 
-    def displacements(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def displacements(
+        self, q: FloatArray, *, is_last_alone: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """How far an arm at q, shape (7,), rad, is off the configurations of its path.
+
+        Of the last one alone if wanted, which is quick.
 
         Returns:
             When the path came to each configuration, shape (n,), s, and the greatest displacement
             of a point of the arm from there, shape (n,), m.
         """
-        times = np.array([point.time_s for point in self._path])
-        paths = np.array([point.corners for point in self._path])
+        points = [self._path[-1]] if is_last_alone else self._path
+        times = np.array([point.time_s for point in points])
+        paths = np.array([point.corners for point in points])
         return times, _displaced_m(paths, self._placed(q)[1])
 
     def _joint_stop(self, cause: StopCause, off: FloatArray, bound: float) -> Stop:
@@ -293,13 +298,17 @@ def arms_stop(guards: Sequence[PathGuard], qs: Sequence[FloatArray], apart_m: fl
         qs: where each arm is measured, shape (7,), rad.
         apart_m: proven distance of both arms from each other at every instant of their paths.
     """
-    found = [guard.displacements(q) for guard, q in zip(guards, qs, strict=True)]
+    bound_m, pairs = apart_m - KEPT_M, list(zip(guards, qs, strict=True))
+    now = [guard.displacements(q, is_last_alone=True)[1][0] for guard, q in pairs]
+    if sum(now) <= bound_m:
+        return None
+    found = [guard.displacements(q) for guard, q in pairs]
     instants = np.unique(np.concatenate([times for times, _ in found]))
     instants = instants[instants >= max(times[0] for times, _ in found)]
     together = sum(
         moved[np.searchsorted(times, instants, side="right") - 1] for times, moved in found
     )
-    least_m, bound_m = float(np.min(together)), apart_m - KEPT_M
+    least_m = float(np.min(together))
     if least_m <= bound_m:
         return None
     return Stop(StopCause.ARMS_APART, value=least_m, bound=bound_m)
