@@ -293,7 +293,7 @@ def _moved(
     """Enable, ask, and execute the plan."""
     from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
 
-    executor.enable(ready.plan.limb)
+    executor.enable()
     TERMINAL.say(ready.summary)
     if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved, and the robot stays enabled")

@@ -1,4 +1,4 @@
-"""ArmChannel: the publishers for one arm of a Baxter and its gripper, and to enable the robot.
+"""ArmChannel: the publishers for one arm of a Baxter and its gripper.
 
 It never publishes what suppresses a protection of the robot, nor a reset.
 """
@@ -65,11 +65,10 @@ class ArmChannel(NotCopied):
         timeout = f"/robot/limb/{limb}/joint_command_timeout"
         self._ratio = node.advertise(speed_topic(limb), number, latch=True)
         self._timeout = node.advertise(timeout, number, latch=True)
-        self._enable = node.advertise("/robot/set_super_enable", "std_msgs/Bool")
         self._command = node.advertise(command_topic(limb), f"{CORE}/JointCommand")
         command = gripper_topic(limb, "command")
         self._gripper = node.advertise(command, f"{CORE}/EndEffectorCommand", queue=GRIPPER_QUEUE)
-        self._open = [self._command, self._gripper, self._ratio, self._timeout, self._enable]
+        self._open = [self._command, self._gripper, self._ratio, self._timeout]
 
     def __enter__(self) -> ArmChannel:
         return self
@@ -81,10 +80,6 @@ class ArmChannel(NotCopied):
     def readers(self) -> tuple[str, ...]:
         """The nodes that receive the set-points, except this one."""
         return tuple(name for name in self._command.readers if name != self._link.node.name)
-
-    def enable(self) -> None:
-        """Send one request to switch the motors on."""
-        self._enable.send(data=True)
 
     def begin(self, ratio: float) -> None:
         """Set the speed ratio and the time-out of commands."""

@@ -1,17 +1,22 @@
 """RosExecutor: executes a plan on a Baxter, as `Simulation.execute` does in a world.
 
-An `Execution` is one plan on its way, from the first set-point to an arm that stands. At every
-tick the watch is asked first, so that nothing is sent once there is a reason to stop; then the
-set-point is sent, and then the guard compares what was measured with the path. The arm is
-commanded without a break from the first set-point to the last, also while it stands.
+An `Execution` is one plan on its way, from the first set-point to arms that stand. At every tick
+the watch is asked first, so that nothing is sent once there is a reason to stop; then the
+set-points are sent, and then the guards compare what was measured with the paths. Each arm
+(`Track`) is commanded without a break from the first set-point to the last, also while it stands.
+
+A plan of one arm goes step by step (`PlanExecution`), and one of both by a clock
+(`TwoArmExecution`).
 """
 
 from __future__ import annotations
 
 import gc
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
+from typing import overload
 
 import numpy as np
 
@@ -19,23 +24,26 @@ from baxter_kin import Arm
 from baxter_kin.display import OneLine, seconds
 from baxter_kin.fields import NotCopied, evolve, frozen
 from baxter_kin.validation import FloatArray, expect, expect_all
-from planner import Grip, GripperAction, Move, Plan
+from planner import Grip, GripperAction, Move, Plan, TwoArmPlan
 from planner.completion import state_of
 from planner.motion.tracking_tube import SETTLED_RAD
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer, Sample
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
-from sim.ros1.execution.guard import MoveClearance, PathGuard
+from sim.ros1.execution.guard import MoveClearance, PathGuard, arms_stop
 from sim.ros1.execution.link import ArmReading, BaxterLink
 from sim.ros1.execution.readiness import (
     ExecutionOptions,
     NotReadyError,
     Readiness,
     ReadyPlan,
+    ReadyTwoArmPlan,
     check_plan,
+    check_two_arm_plan,
     check_unmoved,
 )
 from sim.ros1.execution.set_points import (
+    CommonClock,
     PlanTime,
     Schedule,
     SentMotion,
@@ -47,6 +55,7 @@ from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
 from sim.simulation import Outcome
 
+ENABLE = "/robot/set_super_enable"
 ENABLE_S, ENABLE_HZ = 5.0, 20.0
 """How long, and how often, the robot is asked to switch its motors on."""
 
@@ -89,7 +98,7 @@ class MeasuredOutcome(Outcome):
 
 
 class RosExecutor(NotCopied, OneLine):
-    """Drives an arm of a Baxter along plans."""
+    """Drives the arms of a Baxter along plans, of one arm or of both."""
 
     def __init__(
         self,
@@ -122,22 +131,34 @@ class RosExecutor(NotCopied, OneLine):
         """Time since the executor was made."""
         return time.monotonic() - self._begin_s
 
-    def prepare(self, plan: Plan) -> Readiness:
+    @overload
+    def prepare(self, plan: Plan) -> Readiness[ReadyPlan]: ...
+    @overload
+    def prepare(self, plan: TwoArmPlan) -> Readiness[ReadyTwoArmPlan]: ...
+    def prepare(self, plan: Plan | TwoArmPlan) -> Readiness[ReadyPlan] | Readiness[ReadyTwoArmPlan]:
         """Whether a plan may be executed on the robot as it stands; nothing is sent.
+
+        Both arms must stand at the start of a plan of both. It is refused with a response, as there
+        is no tracking proof of both arms.
 
         Raises:
             SimulationError: when the plan is invalid.
             RosError: when the master cannot be reached.
         """
+        if isinstance(plan, TwoArmPlan):
+            return check_two_arm_plan(self._link, plan, self.options)
         return check_plan(self._link, plan, self.options)
 
     def stop(self, cause: StopCause = StopCause.SIGINT) -> None:
-        """Request a stop, from another thread or a signal handler; the arm then holds."""
+        """Request a stop, from another thread or a signal handler.
+
+        One arm then holds; two slow down along their paths first.
+        """
         self._requested = cause
         if self._watch is not None:
             self._watch.request(cause)
 
-    def enable(self, limb: str) -> None:
+    def enable(self) -> None:
         """Switch the motors on, if they are off.
 
         Raises:
@@ -145,7 +166,7 @@ class RosExecutor(NotCopied, OneLine):
         """
         if self._is_enabled():
             return
-        with ArmChannel(self._link, limb) as channel:
+        with closing(self._link.node.advertise(ENABLE, "std_msgs/Bool")) as publisher:
             end_s = time.monotonic() + ENABLE_S
             while not self._is_enabled():
                 if time.monotonic() > end_s:
@@ -153,11 +174,15 @@ class RosExecutor(NotCopied, OneLine):
                         f"the robot is not enabled after {ENABLE_S:g} s; a tucked one must be "
                         "untucked first"
                     )
-                channel.enable()
+                publisher.send(data=True)
                 self._link.wait_until(self._is_enabled, 1.0 / ENABLE_HZ)
 
-    def execute(self, plan: Plan | ReadyPlan, title: str = "") -> MeasuredOutcome:
+    def execute(
+        self, plan: Plan | ReadyPlan | TwoArmPlan | ReadyTwoArmPlan, title: str = ""
+    ) -> MeasuredOutcome:
         """Execute every step of a plan, or stop at the first that fails.
+
+        Whatever stops one arm of a plan of both stops both.
 
         Args:
             plan: a valid plan, or one that was prepared right before, whose options count.
@@ -170,10 +195,12 @@ class RosExecutor(NotCopied, OneLine):
             RosError: when the master cannot be reached.
         """
         expect(title, str, "title", SimulationError)
-        ready = plan if isinstance(plan, ReadyPlan) else self._prepared(plan)
-        check_unmoved(self._link, ready)
-        self.enable(ready.plan.limb)
-        with Execution(self._link, self._observers, ready, title) as execution:
+        ready = plan if isinstance(plan, ReadyPlan | ReadyTwoArmPlan) else self._prepared(plan)
+        arms = [ready] if isinstance(ready, ReadyPlan) else list(ready.arms.values())
+        for arm in arms:
+            check_unmoved(self._link, arm)
+        self.enable()
+        with self._execution(ready, title) as execution:
             self._watch = execution.watch
             if self._requested is not None:
                 execution.watch.request(self._requested)
@@ -182,7 +209,12 @@ class RosExecutor(NotCopied, OneLine):
             finally:
                 self._watch = None
 
-    def _prepared(self, plan: Plan) -> ReadyPlan:
+    def _execution(self, ready: ReadyPlan | ReadyTwoArmPlan, title: str) -> Execution:
+        if isinstance(ready, ReadyPlan):
+            return PlanExecution(self._link, self._observers, ready, title)
+        return TwoArmExecution(self._link, self._observers, ready, title)
+
+    def _prepared(self, plan: Plan | TwoArmPlan) -> ReadyPlan | ReadyTwoArmPlan:
         readiness = self.prepare(plan)
         if readiness.ready is None:
             raise NotReadyError(readiness)
@@ -196,8 +228,93 @@ class RosExecutor(NotCopied, OneLine):
         return repr(self._link), repr(self.options.pace)
 
 
-class Execution:
-    """The execution of one plan; a context manager.
+class Track:
+    """One arm of an execution: its channel, its guard, and the step that is under way.
+
+    Attributes:
+        ready: the arm's own plan.
+        limb: "left" or "right".
+        channel: to the arm and its gripper.
+        label: of the step that is under way; empty before the first.
+        stand: the set-point where the arm rests.
+        samples: of all ticks.
+    """
+
+    def __init__(self, link: BaxterLink, ready: ReadyPlan) -> None:
+        self._link, self.ready, self.limb = link, ready, ready.plan.limb
+        self.arm, self._hand = ready.manipulator.arm, ready.manipulator.hand
+        self.channel = ArmChannel(link, self.limb)
+        self.guard: PathGuard | None = None
+        self.clearance: MoveClearance | None = None
+        self.stand = SetPoint(ready.plan.q_start, ready.plan.q_start)
+        self.label = ""
+        self.samples: list[Sample] = []
+        self._was_connected = False
+
+    def guarded(
+        self, parts: Iterable[SentMotion | Grip]
+    ) -> Iterator[tuple[SentMotion | Grip, PathGuard | None]]:
+        """Motions and actions of the fingers, each with the guard that then checks.
+
+        Between two actions nothing changes but the arm, so one guard checks all motions there.
+        """
+        guard: PathGuard | None = None
+        has_acted = True
+        for part in parts:
+            if isinstance(part, SentMotion) and has_acted:
+                context = self.ready.manipulator.at(state_of(part.moves[0]))
+                guard = PathGuard(context, self.arm.joint_names)
+            has_acted = isinstance(part, Grip)
+            yield part, guard
+
+    @property
+    def reading(self) -> ArmReading | None:
+        """Where the arm was measured last."""
+        return self._link.joints.arm(self.arm.joint_names)
+
+    def command(self, grip: Grip) -> GripperCommand:
+        """Send an action to the gripper."""
+        dwell, opening_m = self.ready.options.dwell, self._hand.stroke_m
+        if grip.opening_m is not None:
+            opening_m = min(grip.opening_m, opening_m)
+        is_close = grip.action is GripperAction.CLOSE
+        return GripperCommand(
+            self.channel,
+            self._link,
+            grip,
+            open_percent=self._hand.percent(opening_m),
+            dwell_s=dwell.after_grasp_s if is_close else dwell.after_release_s,
+        )
+
+    def connection_stop(self) -> Stop | None:
+        """The stop where the robot does not receive the set-points any more, or None."""
+        is_connected = bool(self.channel.readers)
+        if self._was_connected and not is_connected:
+            return Stop(
+                StopCause.CONNECTION_LOST, detail="no node receives the set-points any more"
+            )
+        self._was_connected = is_connected
+        return None
+
+    def settled_stop(self, now_s: float, since_s: float) -> bool | Stop:
+        """Whether the arm rests where it stands, whose set-point was sent first at `since_s`."""
+        goal, reading = self.stand.q_path, self.reading
+        if _is_settled(reading, goal, since_s + self.ready.options.rest_s):
+            return True
+        if now_s > since_s + SETTLE_TIMEOUT_S:
+            return _unsettled(reading, goal, self.arm.joint_names)
+        return False
+
+    def path_stop(self, now_s: float, at: SetPoint, reading: ArmReading | None) -> Stop | None:
+        """The stop where the arm is off its path, or None."""
+        if self.guard is None or self.clearance is None or reading is None:
+            return None
+        self.guard.advance(now_s, at.q_path, self.clearance)
+        return self.guard.check(reading.q, at.q_path)
+
+
+class Execution(ABC):
+    """The execution of a plan of one arm or both; a context manager.
 
     Attributes:
         watch: ends it early.
@@ -208,28 +325,27 @@ class Execution:
         self,
         link: BaxterLink,
         observers: tuple[Observer, ...],
-        ready: ReadyPlan,
+        ready: ReadyPlan | ReadyTwoArmPlan,
+        arms: Sequence[ReadyPlan],
         title: str,
     ) -> None:
-        self._link, self._options, self._ready, self._title = link, ready.options, ready, title
-        self._observers, self._limb = observers, ready.plan.limb
-        self._arm, self._hand = ready.manipulator.arm, ready.manipulator.hand
-        self._parts = list(self._guarded_parts())
-        self._guard: PathGuard | None = None
-        self._clearance: MoveClearance | None = None
-        self._stand = SetPoint(ready.plan.q_start, ready.plan.q_start)
-        self._label = self._caption = ""
-        self._was_connected = False
-        self._samples: list[Sample] = []
+        self._link, self._options, self._title = link, ready.options, title
+        self._observers, self._robot, self._start = observers, ready.robot, ready.plan.start
+        self._arms = arms
+        self._tracks: tuple[Track, ...] = ()
         self._lateness_s: list[float] = []
         self._cleanup = ExitStack()
 
     def __enter__(self) -> Execution:
         with ExitStack() as cleanup:
             cleanup.enter_context(_short_collections())
-            self._channel = cleanup.enter_context(ArmChannel(self._link, self._limb))
-            self.watch = Watch(self._link, self._limb)
-            self.twin = Twin(self._ready.robot, self._ready.plan.start, self._observers)
+            for ready in self._arms:
+                track = Track(self._link, ready)
+                cleanup.enter_context(track.channel)
+                self._tracks = (*self._tracks, track)
+            self.watch = Watch(self._link, [track.limb for track in self._tracks])
+            self._compose()
+            self.twin = Twin(self._robot, self._start, self._observers)
             self.twin.begin()
             cleanup.callback(self.twin.end)
             self._cleanup = cleanup.pop_all()
@@ -240,24 +356,51 @@ class Execution:
 
     def run(self, offset_s: float) -> MeasuredOutcome:
         """Execute the plan; events count their time from `offset_s` on."""
-        if not self._link.wait_until(lambda: bool(self._channel.readers), CONNECT_S):
+        channels = [track.channel for track in self._tracks]
+        if not self._link.wait_until(lambda: all(each.readers for each in channels), CONNECT_S):
             raise SimulationError("the robot does not connect to the set-points; is it reachable?")
         self._offset_s, self._begin_s = offset_s, time.monotonic()
         self._schedule = Schedule(self._begin_s)
         self.watch.begin()
-        self._channel.begin(self._ready.ratio)
+        for track in self._tracks:
+            track.channel.begin(track.ready.ratio)
         self._tell(EventKind.ENABLED, "robot enabled")
         try:
             stop = self._interruptible_steps()
             if stop is not None and stop.cause.holds:
-                self._hold()
+                self._end(stop)
         finally:
-            self._channel.end()
+            for channel in channels:
+                channel.end()
         return self._outcome(stop)
+
+    @abstractmethod
+    def _compose(self) -> None:
+        """Prepare what is sent, before anything is timed."""
+
+    @abstractmethod
+    def _steps(self) -> Stop | None:
+        """Execute all steps; returns why they ended early."""
+
+    @abstractmethod
+    def _end(self, stop: Stop) -> None:
+        """Bring the arms to rest after a stop."""
 
     @property
     def _time_s(self) -> float:
         return time.monotonic() - self._begin_s
+
+    @property
+    def _label(self) -> str:
+        """The steps under way; of both arms, with the arm."""
+        if len(self._tracks) == 1:
+            return self._tracks[0].label
+        labels = (f"{track.limb}: {track.label}" for track in self._tracks if track.label)
+        return "; ".join(labels)
+
+    @property
+    def _caption(self) -> str:
+        return f"{self._title}{self._label}" if self._label else ""
 
     def _interruptible_steps(self) -> Stop | None:
         """Stop at the first Ctrl-C where nobody handles it; a second one is raised."""
@@ -269,100 +412,38 @@ class Execution:
             self.watch.request(StopCause.SIGINT)
             return self._located(Stop(StopCause.SIGINT))
 
-    def _guarded_parts(self) -> Iterator[tuple[SentMotion | Grip, PathGuard | None]]:
-        """Motions and actions of the fingers, each with the guard that then checks.
+    def _start_move(self, track: Track, move: Move, clearance: MoveClearance) -> None:
+        track.label, track.clearance = move.label, clearance
+        sent = evolve(move, trajectory=slowed(move.trajectory, self._options.pace.speed))
+        self._tell(EventKind.MOVE_STARTED, f"{self._title}{move.label}", track.limb, sent)
 
-        Between two actions nothing changes but the arm, so one guard checks all motions there.
-        """
-        guard: PathGuard | None = None
-        has_acted = True
-        for part in parts_of(self._ready.plan, self._options.pace):
-            if isinstance(part, SentMotion) and has_acted:
-                context = self._ready.manipulator.at(state_of(part.moves[0]))
-                guard = PathGuard(context, self._arm.joint_names)
-            has_acted = isinstance(part, Grip)
-            yield part, guard
+    def _gripped(self, track: Track, grip: Grip, percent: float) -> None:
+        self.twin.put(self.twin.gripped, self._event_s, track.limb, grip, percent)
 
-    def _steps(self) -> Stop | None:
-        clearances = iter(self._ready.clearances)
-        for part, guard in self._parts:
-            self._guard = guard
-            if isinstance(part, Grip):
-                stop = self._grip(part)
-            else:
-                stop = self._follow(part, [next(clearances) for _ in part.moves])
-            if stop is not None:
-                return stop
-        return None
-
-    def _follow(self, motion: SentMotion, clearances: Sequence[MoveClearance]) -> Stop | None:
-        """Send a motion and wait until the arm has settled."""
-        clock, index, end_s = PlanTime(time.monotonic()), -1, motion.trajectory.duration
-        goal, sent_s = motion.trajectory.q_goal, np.inf
-        self._stand = SetPoint(goal, goal)
-        while True:
-            now_s = self._wait()
-            plan_s = min(clock.advance(now_s) * motion.pace.speed, end_s)
-            while index < motion.index_at(plan_s):
-                index += 1
-                self._start(motion.moves[index], motion.pace.speed)
-                self._clearance = clearances[index]
-            stop = self._step(now_s, motion.at(plan_s))
-            if stop is not None:
-                return stop
-            if plan_s < end_s:
-                continue
-            sent_s = min(sent_s, now_s)
-            reading = self._reading()
-            if _is_settled(reading, goal, sent_s + self._options.rest_s):
-                return None
-            if now_s > sent_s + SETTLE_TIMEOUT_S:
-                return self._located(_unsettled(reading, goal, self._arm.joint_names))
-
-    def _start(self, move: Move, speed: float) -> None:
-        self._label, self._caption = move.label, f"{self._title}{move.label}"
-        sent = evolve(move, trajectory=slowed(move.trajectory, speed))
-        self._tell(EventKind.MOVE_STARTED, self._caption, self._limb, sent)
-
-    def _grip(self, grip: Grip) -> Stop | None:
-        """Let the fingers act while the arm stands at its last set-point."""
-        dwell, opening_m = self._options.dwell, self._hand.stroke_m
-        if grip.opening_m is not None:
-            opening_m = min(grip.opening_m, opening_m)
-        is_close = grip.action is GripperAction.CLOSE
-        self._label, self._caption = grip.label, f"{self._title}{grip.label}"
-        command = GripperCommand(
-            self._channel,
-            self._link,
-            grip,
-            open_percent=self._hand.percent(opening_m),
-            dwell_s=dwell.after_grasp_s if is_close else dwell.after_release_s,
-        )
-        is_done: bool | Stop = False
-        while not is_done:
-            now_s = self._wait()
-            is_done = self._step(now_s, self._stand) or command.is_done(now_s)
-        event_s, twin = self._event_s, self.twin
-        if not isinstance(is_done, Stop):
-            twin.put(twin.gripped, event_s, self._limb, grip, command.percent)
-            return None
-        stop = self._located(is_done)
+    def _missed(self, track: Track, stop: Stop) -> Stop:
+        """Report a gripper that has missed; returns where it stopped."""
+        event_s, located = self._event_s, self._located(stop, track)
         if stop.cause is StopCause.GRIPPER_MISSED:
-            twin.put(twin.notify, event_s, EventKind.MISSED, str(is_done), self._limb)
-        return stop
+            text = str(stop)
+            self.twin.put(self.twin.notify, event_s, EventKind.MISSED, text, track.limb)
+        return located
 
     def _hold(self) -> None:
-        """Command the arm to stay where it is measured, unless the robot is stopped meanwhile."""
-        reading = self._reading()
-        if reading is None:
+        """Command the arms to stay where they are measured, unless the robot is stopped."""
+        readings = [track.reading for track in self._tracks]
+        self._schedule = Schedule(time.monotonic())
+        self._stay([each and SetPoint(each.q, each.q) for each in readings])
+
+    def _stay(self, held: Sequence[SetPoint | None]) -> None:
+        """Command the arms to stay for a moment; one without a set-point is sent none."""
+        if all(at is None for at in held):
             return
         end_s = time.monotonic() + HOLD_S
-        self._schedule = Schedule(time.monotonic())
         while (now_s := self._wait()) < end_s:
             stop = self.watch.stop(now_s)
             if stop is not None and not stop.cause.holds:
                 return
-            self._send(now_s, SetPoint(reading.q, reading.q))
+            self._send(now_s, held)
 
     def _wait(self) -> float:
         """Wait for the next tick; returns the time when it came, on the monotonic clock."""
@@ -371,37 +452,39 @@ class Execution:
         self._lateness_s.append(self._schedule.advance(now_s))
         return now_s
 
-    def _step(self, now_s: float, at: SetPoint) -> Stop | None:
-        """Send a set-point unless there is a reason to stop, which is returned."""
-        stop = self.watch.stop(now_s) or self._own_stop(now_s)
-        if stop is None:
-            reading = self._send(now_s, at)
-            guard, clearance = self._guard, self._clearance
-            if guard is not None and clearance is not None and reading is not None:
-                guard.advance(now_s, at.q_path, clearance)
-                stop = guard.check(reading.q, at.q_path)
-        return stop and self._located(stop)
-
-    def _own_stop(self, now_s: float) -> Stop | None:
-        timeout_s = self._options.timeout_s
-        if timeout_s is not None and now_s > self._begin_s + timeout_s:
-            return Stop(StopCause.TIME_OUT, bound=timeout_s)
-        is_connected = bool(self._channel.readers)
-        if self._was_connected and not is_connected:
-            return Stop(
-                StopCause.CONNECTION_LOST, detail="no node receives the set-points any more"
-            )
-        self._was_connected = is_connected
+    def _step(
+        self, now_s: float, points: Sequence[SetPoint], *, is_ending: bool = False
+    ) -> Stop | None:
+        """Send the set-points unless there is a reason to stop, which is returned."""
+        stop = self.watch.stop(now_s, is_ending=is_ending) or self._own_stop(now_s, is_ending)
+        if stop is not None:
+            return self._located(stop)
+        readings = self._send(now_s, points)
+        for track, at, reading in zip(self._tracks, points, readings, strict=True):
+            stop = track.path_stop(now_s, at, reading)
+            if stop is not None:
+                return self._located(stop, track)
         return None
 
-    def _send(self, now_s: float, at: SetPoint) -> ArmReading | None:
-        """Send a set-point; returns what was measured last."""
-        self._channel.send(at.q_sent)
-        reading, robot = self._reading(), self._link.robot
-        if reading is not None and robot is not None:
-            sample = Sample(
+    def _own_stop(self, now_s: float, is_ending: bool) -> Stop | None:
+        timeout_s = self._options.timeout_s
+        if timeout_s is not None and now_s > self._begin_s + timeout_s and not is_ending:
+            return Stop(StopCause.TIME_OUT, bound=timeout_s)
+        stops = [track.connection_stop() for track in self._tracks]
+        return next((stop for stop in stops if stop is not None), None)
+
+    def _send(
+        self, now_s: float, points: Sequence[SetPoint | None]
+    ) -> tuple[ArmReading | None, ...]:
+        """Send the set-points of all arms; returns what was measured last."""
+        for track, at in zip(self._tracks, points, strict=True):
+            if at is not None:
+                track.channel.send(at.q_sent)
+        readings, robot = tuple(track.reading for track in self._tracks), self._link.robot
+        samples = [
+            Sample(
                 now_s - self._begin_s,
-                self._channel.limb,
+                track.limb,
                 at.q_path,
                 at.q_sent,
                 reading.q,
@@ -412,14 +495,15 @@ class Execution:
                 robot.is_stopped,
                 robot.has_error,
             )
-            self._report(sample)
-        return reading
+            for track, at, reading in zip(self._tracks, points, readings, strict=True)
+            if at is not None and reading is not None and robot is not None
+        ]
+        self._report(samples)
+        return readings
 
-    def _reading(self) -> ArmReading | None:
-        return self._link.joints.arm(self._arm.joint_names)
-
-    def _located(self, stop: Stop) -> Stop:
-        return evolve(stop, label=self._label, time_s=self._time_s)
+    def _located(self, stop: Stop, track: Track | None = None) -> Stop:
+        label = self._label if track is None else track.label
+        return evolve(stop, label=label, time_s=self._time_s)
 
     @property
     def _event_s(self) -> float:
@@ -430,15 +514,18 @@ class Execution:
     ) -> None:
         self.twin.put(self.twin.notify, self._event_s, kind, text, side, move)
 
-    def _report(self, sample: Sample) -> None:
-        """Store a sample, and show it with what is measured to the observers."""
-        self._samples.append(sample)
+    def _report(self, samples: Sequence[Sample]) -> None:
+        """Store the samples of a tick, and show them with what is measured to the observers."""
         twin, link = self.twin, self._link
-        if twin.error is not None:
+        for sample in samples:
+            track = next(each for each in self._tracks if each.limb == sample.limb)
+            track.samples.append(sample)
+        if twin.error is not None and samples:
             self.watch.request(StopCause.OBSERVER_FAILED, str(twin.error))
-        if self._observers:
-            time_s = self._offset_s + sample.time_s
-            twin.put(twin.sample, evolve(sample, time_s=time_s))
+        if self._observers and samples:
+            time_s = self._offset_s + samples[0].time_s
+            for sample in samples:
+                twin.put(twin.sample, evolve(sample, time_s=time_s))
             twin.put(
                 twin.update, time_s, link.joints.positions(), link.gripper_states(), self._caption
             )
@@ -449,10 +536,267 @@ class Execution:
         if self.twin.error is not None:
             raise self.twin.error
         late = np.percentile(self._lateness_s or [0.0], [50, 99, 100]).tolist()
-        joint_rad, tip_m = deviation_of(self._arm, self._samples)
+        off = [deviation_of(track.arm, track.samples) for track in self._tracks]
+        joint_rad, tip_m = (max(each) for each in zip(*off, strict=True))
         failure = None if stop is None else str(stop)
         lateness_s = late[0], late[1], late[2]
         return MeasuredOutcome(failure, duration_s, stop, joint_rad, tip_m, lateness_s)
+
+
+class PlanExecution(Execution):
+    """The execution of a plan of one arm: each step begins when the one before is done."""
+
+    def __init__(
+        self,
+        link: BaxterLink,
+        observers: tuple[Observer, ...],
+        ready: ReadyPlan,
+        title: str,
+    ) -> None:
+        super().__init__(link, observers, ready, [ready], title)
+        self._ready = ready
+
+    def _compose(self) -> None:
+        (self._track,) = self._tracks
+        parts = parts_of(self._ready.plan, self._options.pace)
+        self._parts = list(self._track.guarded(parts))
+
+    def _steps(self) -> Stop | None:
+        clearances = iter(self._ready.clearances)
+        for part, guard in self._parts:
+            self._track.guard = guard
+            if isinstance(part, Grip):
+                stop = self._grip(part)
+            else:
+                stop = self._follow(part, [next(clearances) for _ in part.moves])
+            if stop is not None:
+                return stop
+        return None
+
+    def _end(self, stop: Stop) -> None:  # noqa: ARG002 - one arm holds whatever the cause
+        self._hold()
+
+    def _follow(self, motion: SentMotion, clearances: Sequence[MoveClearance]) -> Stop | None:
+        """Send a motion and wait until the arm has settled."""
+        clock, index, end_s = PlanTime(time.monotonic()), -1, motion.trajectory.duration
+        goal, sent_s, track = motion.trajectory.q_goal, np.inf, self._track
+        track.stand = SetPoint(goal, goal)
+        while True:
+            now_s = self._wait()
+            plan_s = min(clock.advance(now_s) * motion.pace.speed, end_s)
+            while index < motion.index_at(plan_s):
+                index += 1
+                self._start_move(track, motion.moves[index], clearances[index])
+            stop = self._step(now_s, [motion.at(plan_s)])
+            if stop is not None:
+                return stop
+            if plan_s < end_s:
+                continue
+            sent_s = min(sent_s, now_s)
+            is_settled = track.settled_stop(now_s, sent_s)
+            if isinstance(is_settled, Stop):
+                return self._located(is_settled)
+            if is_settled:
+                return None
+
+    def _grip(self, grip: Grip) -> Stop | None:
+        """Let the fingers act while the arm stands at its last set-point."""
+        track = self._track
+        track.label = grip.label
+        command = track.command(grip)
+        is_done: bool | Stop = False
+        while not is_done:
+            now_s = self._wait()
+            stop = self._step(now_s, [track.stand])
+            if stop is not None:
+                return stop
+            is_done = command.is_done(now_s)
+        if isinstance(is_done, Stop):
+            return self._missed(track, is_done)
+        self._gripped(track, grip, command.percent)
+        return None
+
+
+class TimedTrack:
+    """One arm on the common clock: the steps that have begun, and the set-point of each time.
+
+    Attributes:
+        track: the arm.
+        grip: the gripper action that has begun and is not done; None where there is none.
+        due_s: when it must be done, on the clock; infinite where there is none.
+    """
+
+    def __init__(self, track: Track, plan: TwoArmPlan) -> None:
+        options = track.ready.options
+        self.track, self._grip_s = track, plan.grip_s
+        self._clearances = iter(track.ready.clearances)
+        steps = [timed.step for timed in plan.steps_of(track.limb)]
+        parts = [
+            step if isinstance(step, Grip) else SentMotion([step], options.pace) for step in steps
+        ]
+        self._parts = list(track.guarded(parts))
+        self._begins_s = plan.begins_s[track.limb]
+        track.guard = next(guard for _, guard in self._parts if guard is not None)
+        track.clearance = track.ready.clearances[0]
+        self._begun, self._standing_s = 0, np.inf
+        self._motion: SentMotion | None = None
+        self._command: GripperCommand | None = None
+        self.grip: Grip | None = None
+        self.due_s = np.inf
+
+    def begun(self, clock_s: float) -> Iterator[tuple[Move, MoveClearance]]:
+        """Begin the steps whose time has come; gives the moves among them."""
+        while self._begun < len(self._parts) and self._begins_s[self._begun] <= clock_s:
+            part, guard = self._parts[self._begun]
+            self.track.guard = guard or self.track.guard
+            begin_s = self._begins_s[self._begun]
+            self._begun += 1
+            if isinstance(part, Grip):
+                self.grip, self.due_s, self.track.label = part, begin_s + self._grip_s, part.label
+                continue
+            goal = part.trajectory.q_goal
+            self._motion, self._motion_begin_s = part, begin_s
+            self.track.stand, self._standing_s = SetPoint(goal, goal), np.inf
+            yield part.moves[0], next(self._clearances)
+
+    def at(self, clock_s: float, rate: float) -> SetPoint:
+        """The set-point of a time, not before the last step that has begun."""
+        motion = self._motion
+        if motion is None or clock_s >= self._motion_begin_s + motion.trajectory.duration:
+            return self.track.stand
+        return motion.at(max(clock_s - self._motion_begin_s, 0.0), rate)
+
+    def is_settled(self, now_s: float, at: SetPoint) -> bool | Stop:
+        """Whether the arm rests at the end of its last motion; `at` was sent now."""
+        if at is not self.track.stand:
+            return False
+        self._standing_s = min(self._standing_s, now_s)
+        return self.track.settled_stop(now_s, self._standing_s)
+
+    def act(self, now_s: float, at: SetPoint) -> float | Stop | None:
+        """Let the fingers act once the arm has settled.
+
+        Returns:
+            The gripper's position, percent, when the action is done; None as long as it is not; why
+            it failed.
+        """
+        if self.grip is None:
+            return None
+        if self._command is None:
+            is_settled = self.is_settled(now_s, at)
+            if is_settled is not True:
+                return is_settled or None
+            self._command = self.track.command(self.grip)
+        is_done = self._command.is_done(now_s)
+        if is_done is not True:
+            return is_done or None
+        percent = self._command.percent
+        self._command, self.due_s = None, np.inf
+        return percent
+
+
+class TwoArmExecution(Execution):
+    """The execution of a plan of both arms on one clock.
+
+    At each tick, both set-points are those of one time on the clock. The clock waits for grippers:
+    an action begins when its time has come and its arm has settled, and the clock slows to rest
+    before the action's time is over, and goes on when it is done. So no gripper action takes
+    longer on the clock than the proof assumes, and each arm stays on its path.
+
+    Whatever stops one arm stops both. Where both still follow their paths
+    (`StopCause.keeps_paths`), the clock slows to rest, and they hold where it rests; else they hold
+    where they are measured.
+    """
+
+    def __init__(
+        self,
+        link: BaxterLink,
+        observers: tuple[Observer, ...],
+        ready: ReadyTwoArmPlan,
+        title: str,
+    ) -> None:
+        super().__init__(link, observers, ready, list(ready.arms.values()), title)
+        self._ready = ready
+        self._clock: CommonClock | None = None
+
+    def _compose(self) -> None:
+        self._timed = [TimedTrack(track, self._ready.plan) for track in self._tracks]
+
+    def _steps(self) -> Stop | None:
+        ready = self._ready
+        self._clock = clock = CommonClock(
+            time.monotonic(), ready.plan.duration_s, self._options.pace.speed, ready.ramp_s
+        )
+        while True:
+            now_s = self._wait()
+            points = self._advance(clock, now_s)
+            stop = self._step(now_s, points)
+            if stop is not None:
+                return stop
+            for timed, at in zip(self._timed, points, strict=True):
+                stop = self._act(timed, now_s, at)
+                if stop is not None:
+                    return stop
+            if clock.is_over and all(timed.grip is None for timed in self._timed):
+                settled = [
+                    timed.is_settled(now_s, at)
+                    for timed, at in zip(self._timed, points, strict=True)
+                ]
+                for timed, found in zip(self._timed, settled, strict=True):
+                    if isinstance(found, Stop):
+                        return self._located(found, timed.track)
+                if all(settled):
+                    return None
+
+    def _advance(
+        self, clock: CommonClock, now_s: float, *, is_ending: bool = False
+    ) -> list[SetPoint]:
+        """Both set-points of the tick that has come."""
+        due_s = min(timed.due_s for timed in self._timed)
+        clock_s = clock.advance(now_s, due_s, is_ending=is_ending)
+        for timed in self._timed:
+            for move, clearance in timed.begun(clock_s):
+                self._start_move(timed.track, move, clearance)
+        return [timed.at(clock_s, clock.rate) for timed in self._timed]
+
+    def _act(self, timed: TimedTrack, now_s: float, at: SetPoint) -> Stop | None:
+        grip = timed.grip
+        found = timed.act(now_s, at)
+        if isinstance(found, Stop):
+            return self._missed(timed.track, found)
+        if grip is not None and found is not None:
+            timed.grip = None
+            self._gripped(timed.track, grip, found)
+        return None
+
+    def _step(
+        self, now_s: float, points: Sequence[SetPoint], *, is_ending: bool = False
+    ) -> Stop | None:
+        """As of one arm, and both arms must be far enough from each other."""
+        return super()._step(now_s, points, is_ending=is_ending) or self._arms_stop()
+
+    def _arms_stop(self) -> Stop | None:
+        guards = [track.guard for track in self._tracks if track.guard is not None]
+        qs = [reading.q for track in self._tracks if (reading := track.reading) is not None]
+        stop = arms_stop(guards, qs, self._ready.apart_m)
+        return stop and self._located(stop)
+
+    def _end(self, stop: Stop) -> None:
+        clock = self._clock
+        if clock is None or not stop.cause.keeps_paths:
+            self._hold()
+            return
+        while True:
+            now_s = self._wait()
+            points = self._advance(clock, now_s, is_ending=True)
+            worse = self._step(now_s, points, is_ending=True)
+            if worse is not None:
+                if worse.cause.holds:
+                    self._hold()
+                return
+            if clock.rate == 0.0 or clock.is_over:
+                self._stay(points)
+                return
 
 
 @contextmanager

@@ -18,12 +18,18 @@ holds seen from any inner link.
 The path is that of the last `WINDOW_S`: q(t) of the plan, not what is sent ahead of it. Moreover,
 no joint may be farther from its own set-point than the clearance of its move states, and once the
 set-point stands none may move away from it by more than `MAX_GROWTH_RAD`.
+
+**Both arms.** Where both move on one clock, they were proven to keep a distance c from each other
+at every instant. Arms whose points are displaced by a and b from where both are at *one* instant of
+their paths keep c - a - b. So the smallest sum of both displacements, over the instants of the last
+`WINDOW_S` that both paths cover, must not exceed c - `KEPT_M` (`arms_stop`). Arms that lag alike
+are displaced little from an instant in the past, however fast they are.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -225,6 +231,22 @@ class PathGuard:
                 return self._joint_stop(StopCause.RUNNING_AWAY, growth, MAX_GROWTH_RAD)
         return self._path_stop(q)
 
+    def displacements(
+        self, q: FloatArray, *, is_last_alone: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """How far an arm at q, shape (7,), rad, is off the configurations of its path.
+
+        Of the last one alone if wanted, which is quick.
+
+        Returns:
+            When the path came to each configuration, shape (n,), s, and the greatest displacement
+            of a point of the arm from there, shape (n,), m.
+        """
+        points = [self._path[-1]] if is_last_alone else self._path
+        times = np.array([point.time_s for point in points])
+        paths = np.array([point.corners for point in points])
+        return times, _displaced_m(paths, self._placed(q)[1])
+
     def _joint_stop(self, cause: StopCause, off: FloatArray, bound: float) -> Stop:
         worst = int(off.argmax())
         return Stop(cause, subject=self._names[worst], value=float(off[worst]), bound=bound)
@@ -243,8 +265,7 @@ class PathGuard:
     ) -> Stop | None:
         """Whether the arm is off all of some configurations of the path; stores the nearest."""
         points = [self._path[index] for index in indices]
-        offs = np.array([point.corners for point in points]) - corners
-        moved = np.sqrt((offs**2).sum(axis=-1).max(axis=(1, 2)))
+        moved = _displaced_m(np.array([point.corners for point in points]), corners)
         turns = np.abs(np.array([point.q for point in points]) - q)
         index, own = np.indices((len(points), len(self._own))).reshape(2, -1)
         motions = self._bounds.motions_m(placed, turns, index, self._own[own])
@@ -267,6 +288,36 @@ class PathGuard:
     def _placed(self, q: FloatArray) -> tuple[Placed, FloatArray]:
         placed = self._bounds.place(self._full, q[None])
         return placed, placed_points(placed.shapes[:, self._shapes], self._corners)[0]
+
+
+def arms_stop(guards: Sequence[PathGuard], qs: Sequence[FloatArray], apart_m: float) -> Stop | None:
+    """Why both arms must stop as they may be too near to each other, or None.
+
+    Args:
+        guards: of both arms, whose paths were appended at the same times.
+        qs: where each arm is measured, shape (7,), rad.
+        apart_m: proven distance of both arms from each other at every instant of their paths.
+    """
+    bound_m, pairs = apart_m - KEPT_M, list(zip(guards, qs, strict=True))
+    now = [guard.displacements(q, is_last_alone=True)[1][0] for guard, q in pairs]
+    if sum(now) <= bound_m:
+        return None
+    found = [guard.displacements(q) for guard, q in pairs]
+    instants = np.unique(np.concatenate([times for times, _ in found]))
+    instants = instants[instants >= max(times[0] for times, _ in found)]
+    together = sum(
+        moved[np.searchsorted(times, instants, side="right") - 1] for times, moved in found
+    )
+    least_m = float(np.min(together))
+    if least_m <= bound_m:
+        return None
+    return Stop(StopCause.ARMS_APART, value=least_m, bound=bound_m)
+
+
+def _displaced_m(paths: FloatArray, corners: FloatArray) -> FloatArray:
+    """The greatest displacement of corners from those of each configuration, shape (n,), m."""
+    moved: FloatArray = np.sqrt(((paths - corners) ** 2).sum(axis=-1).max(axis=(1, 2)))
+    return moved
 
 
 def _corners(covers: Covers, shapes: Indices) -> FloatArray:

@@ -4,6 +4,10 @@
 in the state that the robot reports: its own URDF, the other arm, the head and the fingers where
 they are. Where the arm does not stand at the start of the plan, a move to it is planned, proven and
 put before it. All conditions hold, or nothing is sent.
+
+A `TwoArmPlan` is checked with both arms where they are: they must stand at its start. It is proven
+again by `verify_both`, and the guard of each arm gets the clearances in a world without the other
+arm, as its own plan is proven there; what both arms keep from each other is the certificate's.
 """
 
 from __future__ import annotations
@@ -11,8 +15,9 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -29,9 +34,11 @@ from planner import (
     Plan,
     Response,
     TrackingProof,
+    TwoArmPlan,
     plan_start_move,
     prove_tracking,
     verify,
+    verify_both,
 )
 from planner.completion import complete
 from planner.grasping.hand import reported_finger_m
@@ -48,9 +55,11 @@ from sim.ros1.execution.link import (
     command_topic,
 )
 from sim.ros1.execution.set_points import (
+    RESERVE_S,
     Pace,
     SentMotion,
     parts_of,
+    ramp_s_for,
     speed_ratio_for,
     too_fast,
 )
@@ -191,8 +200,48 @@ class ReadyPlan(OneLine):
         return (self.summary,)
 
 
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ReadyTwoArmPlan(OneLine):
+    """A plan of both arms that may be executed now.
+
+    Attributes:
+        plan: complete, from where the robot's other joints are.
+        arms: "left" and "right": each arm's own plan, ready in a world without the other arm.
+        apart_m: proven distance of both arms, with what they handle, at every instant of the clock.
+        ramp_s: how long the clock takes to slow to rest.
+    """
+
+    plan: TwoArmPlan
+    arms: Mapping[str, ReadyPlan]
+    apart_m: float
+    ramp_s: float
+
+    @property
+    def options(self) -> ExecutionOptions:
+        """How it is executed, as it was checked."""
+        return self.arms[LIMBS[0]].options
+
+    @property
+    def robot(self) -> Baxter:
+        """The robot as it describes itself."""
+        return self.arms[LIMBS[0]].robot
+
+    @property
+    def summary(self) -> str:
+        """Duration, distance of the arms, and what each arm does, in one line."""
+        duration_s = self.plan.duration_s / self.options.pace.speed
+        arms = "; ".join(self.arms[side].summary for side in LIMBS)
+        return f"{seconds(duration_s)} on one clock, {clear(self.apart_m)} of each other; {arms}"
+
+    def _facts(self) -> tuple[str, ...]:
+        return (self.summary,)
+
+
+ReadyT_co = TypeVar("ReadyT_co", ReadyPlan, ReadyTwoArmPlan, covariant=True)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
-class Readiness(OneLine):
+class Readiness(OneLine, Generic[ReadyT_co]):
     """What was found before anything is sent.
 
     Attributes:
@@ -201,7 +250,7 @@ class Readiness(OneLine):
     """
 
     findings: tuple[Finding, ...]
-    ready: ReadyPlan | None
+    ready: ReadyT_co | None
 
     @property
     def failures(self) -> tuple[Finding, ...]:
@@ -219,7 +268,7 @@ class NotReadyError(SimulationError):
         readiness: what was found.
     """
 
-    def __init__(self, readiness: Readiness) -> None:
+    def __init__(self, readiness: Readiness[ReadyPlan] | Readiness[ReadyTwoArmPlan]) -> None:
         self.readiness = readiness
         super().__init__("; ".join(map(str, readiness.failures)))
 
@@ -358,7 +407,7 @@ def measured_joints(link: BaxterLink, robot: Baxter) -> dict[str, float]:
 # The plan
 
 
-def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness:
+def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness[ReadyPlan]:
     """Whether a plan may be executed on the robot as it stands; nothing is sent."""
     if expect(plan, Plan, "plan", SimulationError).failure is not None:
         raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
@@ -368,6 +417,23 @@ def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readi
     if all(finding.is_ok for finding in findings):
         try:
             ready = _PlanCheck(link, plan, options, findings).ready()
+        except _RefusedError as refusal:
+            findings.append(refusal.finding)
+    return Readiness(tuple(findings), ready)
+
+
+def check_two_arm_plan(
+    link: BaxterLink, plan: TwoArmPlan, options: ExecutionOptions
+) -> Readiness[ReadyTwoArmPlan]:
+    """Whether a plan of both arms may be executed on the robot as it stands; nothing is sent."""
+    if expect(plan, TwoArmPlan, "plan", SimulationError).failure is not None:
+        raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
+    grips = [side for side in LIMBS if any(isinstance(each, Grip) for each in plan.plans[side])]
+    findings = list(check_robot(link, LIMBS, grips=grips))
+    ready = None
+    if all(finding.is_ok for finding in findings):
+        try:
+            ready = _TwoArmCheck(link, plan, options, findings).ready()
         except _RefusedError as refusal:
             findings.append(refusal.finding)
     return Readiness(tuple(findings), ready)
@@ -392,54 +458,48 @@ class _RefusedError(Exception):
         super().__init__(text)
 
 
-class _PlanCheck:
-    """The check of one plan: each condition adds a finding, and the first that fails ends it."""
+class _Check:
+    """What the checks of a plan of one arm and of both have in common.
+
+    Each condition adds a finding, and the first that fails ends the check.
+    """
 
     def __init__(
-        self, link: BaxterLink, plan: Plan, options: ExecutionOptions, findings: list[Finding]
+        self, link: BaxterLink, options: ExecutionOptions, findings: list[Finding]
     ) -> None:
-        self._link, self._plan, self._options, self._findings = link, plan, options, findings
+        self._link, self._options, self._findings = link, options, findings
 
-    def ready(self) -> ReadyPlan:
-        """What would be sent."""
+    def _found(self, name: str, text: str) -> None:
+        self._findings.append(Finding(name, True, text))
+
+    def _robot_as_it_is(self, start: State) -> tuple[Baxter, State]:
+        """The robot as it describes itself, and the state of a plan with what is measured."""
         text = self._link.description
         try:
             robot = described_robot(text)
         except RosError as cause:
             raise _RefusedError("URDF", str(cause)) from cause
-        self._check_known(robot)
-        known = dict(self._plan.start.joints)
-        joints = {name: known.get(name, 0.0) for name in robot.joint_names}
-        state = evolve(self._plan.start, joints=joints | measured_joints(self._link, robot))
-        q_others = robot.configuration(dict(state.joints))
-        manipulator = Manipulator.of(robot, self._plan.limb, q_others=q_others)
-        self._check_identity(robot)
-        plan = self._from_here(manipulator, state)
+        self._check_known(robot, start)
+        joints = {name: start.joints.get(name, 0.0) for name in robot.joint_names}
+        return robot, evolve(start, joints=joints | measured_joints(self._link, robot))
+
+    def _completed(self, plan: Plan, manipulator: Manipulator) -> Plan:
         try:
-            plan = complete(plan, manipulator=manipulator)
+            return complete(plan, manipulator=manipulator)
         except BaxterError as cause:
             raise _RefusedError("plan", str(cause)) from cause
-        self._check_certificate(plan, robot)
+
+    def _sent(self, plan: Plan, manipulator: Manipulator) -> ReadyPlan:
+        """What would be sent of a complete plan, where nothing is known of how the arm lags."""
         clearances = self._clearances(plan, manipulator)
         parts = parts_of(plan, self._options.pace)
         motions = [part for part in parts if isinstance(part, SentMotion)]
         peaks = np.max([motion.peak_speeds() for motion in motions] or [np.zeros(7)], axis=0)
         self._check_speeds(peaks)
-        proof, rates = self._tracking(plan, manipulator), peaks
-        if proof is not None:
-            rates = np.maximum(peaks, proof.rate_rad_s)
-            clearances = tuple(
-                evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + TRACKING_MARGIN_RAD))
-                for each, move in zip(clearances, proof.moves, strict=True)
-            )
-        duration_s = sum(motion.duration_s for motion in motions)
-        ratio = speed_ratio_for(rates)
+        duration_s, ratio = sum(motion.duration_s for motion in motions), speed_ratio_for(peaks)
         return ReadyPlan(plan, self._options, manipulator, clearances, duration_s, peaks, ratio)
 
-    def _found(self, name: str, text: str) -> None:
-        self._findings.append(Finding(name, True, text))
-
-    def _check_known(self, robot: Baxter) -> None:
+    def _check_known(self, robot: Baxter, start: State) -> None:
         """Refuse arms that are not measured; a head that is not is assumed to be as planned."""
         arms = {side: arm.joint_names for side, arm in robot.arms.items()}
         missing = self._link.joints.missing(name for names in arms.values() for name in names)
@@ -450,14 +510,83 @@ class _PlanCheck:
                 "that arm cannot be excluded",
             )
         if HEAD in self._link.joints.missing([HEAD]):
-            pan_rad = self._plan.start.joints.get(HEAD, 0.0)
+            pan_rad = start.joints.get(HEAD, 0.0)
             self._found("head", f"its pan is not reported; assumed to be {pan_rad:.3f} rad")
 
-    def _check_identity(self, robot: Baxter) -> None:
-        given = self._plan.robot
+    def _check_identity(self, robot: Baxter, plan: Plan) -> None:
+        given = plan.robot
         difference = "" if given is None else robot.description.identity.difference(given)
         if difference:
             raise _RefusedError("plan", f"it is for another robot: {difference}; plan for this one")
+
+    def _check_limits(self, arm: Arm, q: FloatArray) -> None:
+        beyond = np.maximum(arm.limits.q_min - q, q - arm.limits.q_max)
+        worst = int(beyond.argmax())
+        if beyond[worst] <= ROUNDING_RAD:
+            return
+        remedy = (
+            "as tucked arms do; untuck it, or move it inside by hand"
+            if beyond[worst] <= MAX_CLIP_RAD
+            else "which no real arm does; look at the robot and its URDF"
+        )
+        joint = arm.joint_names[worst]
+        raise _RefusedError(
+            "start", f"{joint} stands {beyond[worst]:.3f} rad outside its limits, {remedy}"
+        )
+
+    def _clearances(self, plan: Plan, manipulator: Manipulator) -> tuple[MoveClearance, ...]:
+        """The clearances; those that leave the guard no room would stop the arm at once."""
+        try:
+            clearances = clearances_of(plan, manipulator)
+        except BaxterError as cause:
+            raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
+        for each in clearances:
+            if min(each.clear_m) <= KEPT_M:
+                nearest = "" if each.nearest is None else f" ({each.nearest.text})"
+                raise _RefusedError(
+                    "clearance",
+                    f"{each.label}: {clear(min(each.clear_m))}{nearest}, and more than "
+                    f"{1e3 * KEPT_M:g} mm are needed; if the arm stands so near, move it away by "
+                    "hand, else plan with a greater margin",
+                )
+        return clearances
+
+    def _check_speeds(self, peaks: FloatArray) -> None:
+        for joint in too_fast(peaks):
+            raise _RefusedError(
+                "speed",
+                f"{JOINTS[joint]} would be sent at {peaks[joint]:.2f} rad/s, and a Baxter turns it "
+                f"at {MAX_SPEED_RAD_S[joint]:g} at most; take a lower speed or lead",
+            )
+
+
+class _PlanCheck(_Check):
+    """The check of a plan of one arm."""
+
+    def __init__(
+        self, link: BaxterLink, plan: Plan, options: ExecutionOptions, findings: list[Finding]
+    ) -> None:
+        super().__init__(link, options, findings)
+        self._plan = plan
+
+    def ready(self) -> ReadyPlan:
+        """What would be sent."""
+        robot, state = self._robot_as_it_is(self._plan.start)
+        q_others = robot.configuration(dict(state.joints))
+        manipulator = Manipulator.of(robot, self._plan.limb, q_others=q_others)
+        self._check_identity(robot, self._plan)
+        plan = self._completed(self._from_here(manipulator, state), manipulator)
+        self._check_certificate(plan, robot)
+        ready = self._sent(plan, manipulator)
+        proof = self._tracking(plan, manipulator)
+        if proof is None:
+            return ready
+        clearances = tuple(
+            evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + TRACKING_MARGIN_RAD))
+            for each, move in zip(ready.clearances, proof.moves, strict=True)
+        )
+        ratio = speed_ratio_for(np.maximum(ready.peaks, proof.rate_rad_s))
+        return evolve(ready, clearances=clearances, ratio=ratio)
 
     def _from_here(self, manipulator: Manipulator, state: State) -> Plan:
         """The plan from where the arm stands, with a move to its start first if one is needed."""
@@ -497,21 +626,6 @@ class _PlanCheck:
             line_tolerance=plan.line_tolerance,
         )
 
-    def _check_limits(self, arm: Arm, q: FloatArray) -> None:
-        beyond = np.maximum(arm.limits.q_min - q, q - arm.limits.q_max)
-        worst = int(beyond.argmax())
-        if beyond[worst] <= ROUNDING_RAD:
-            return
-        remedy = (
-            "as tucked arms do; untuck it, or move it inside by hand"
-            if beyond[worst] <= MAX_CLIP_RAD
-            else "which no real arm does; look at the robot and its URDF"
-        )
-        joint = arm.joint_names[worst]
-        raise _RefusedError(
-            "start", f"{joint} stands {beyond[worst]:.3f} rad outside its limits, {remedy}"
-        )
-
     def _check_certificate(self, plan: Plan, robot: Baxter) -> None:
         _LOG.info("verifying the plan in the state that the robot reports: some seconds")
         try:
@@ -521,31 +635,6 @@ class _PlanCheck:
         if not certificate.is_valid:
             raise _RefusedError("plan", certificate.verdict)
         self._found("plan", certificate.verdict)
-
-    def _clearances(self, plan: Plan, manipulator: Manipulator) -> tuple[MoveClearance, ...]:
-        """The clearances; those that leave the guard no room would stop the arm at once."""
-        try:
-            clearances = clearances_of(plan, manipulator)
-        except BaxterError as cause:
-            raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
-        for each in clearances:
-            if min(each.clear_m) <= KEPT_M:
-                nearest = "" if each.nearest is None else f" ({each.nearest.text})"
-                raise _RefusedError(
-                    "clearance",
-                    f"{each.label}: {clear(min(each.clear_m))}{nearest}, and more than "
-                    f"{1e3 * KEPT_M:g} mm are needed; if the arm stands so near, move it away by "
-                    "hand, else plan with a greater margin",
-                )
-        return clearances
-
-    def _check_speeds(self, peaks: FloatArray) -> None:
-        for joint in too_fast(peaks):
-            raise _RefusedError(
-                "speed",
-                f"{JOINTS[joint]} would be sent at {peaks[joint]:.2f} rad/s, and a Baxter turns it "
-                f"at {MAX_SPEED_RAD_S[joint]:g} at most; take a lower speed or lead",
-            )
 
     def _tracking(self, plan: Plan, manipulator: Manipulator) -> TrackingProof | None:
         """The proof that every path that the joints may take is clear, if a response is known."""
@@ -570,3 +659,98 @@ class _PlanCheck:
             )
         self._found("tracking", f"carried out despite this: {text}")
         return None
+
+
+class _TwoArmCheck(_Check):
+    """The check of a plan of both arms."""
+
+    def __init__(
+        self, link: BaxterLink, plan: TwoArmPlan, options: ExecutionOptions, findings: list[Finding]
+    ) -> None:
+        super().__init__(link, options, findings)
+        self._plan = plan
+
+    def ready(self) -> ReadyTwoArmPlan:
+        """What would be sent."""
+        for side in LIMBS:
+            if not self._plan.plans[side].moves:
+                raise _RefusedError("plan", f"the {side} arm has no moves; plan for one arm")
+        ramp_s = self._ramp_s()
+        robot, state = self._robot_as_it_is(self._plan.start)
+        for side in LIMBS:
+            self._check_identity(robot, self._plan.plans[side])
+            self._check_start(robot.arm(side), self._plan.plans[side].q_start)
+        joints = dict(state.joints)
+        for side in LIMBS:
+            joints |= robot.arm(side).joints(self._plan.plans[side].q_start)
+        manipulators = {side: _alone(robot, side, joints) for side in LIMBS}
+        plans = {
+            side: self._completed(self._started(side, joints, manipulator), manipulator)
+            for side, manipulator in manipulators.items()
+        }
+        plan = evolve(self._plan, start=evolve(state, joints=joints), plans=plans)
+        apart_m = self._apart_m(plan, robot)
+        arms = {side: self._sent(plans[side], manipulators[side]) for side in LIMBS}
+        return ReadyTwoArmPlan(plan, arms, apart_m, ramp_s)
+
+    def _ramp_s(self) -> float:
+        """How long the clock takes to slow to rest, which a gripper action must leave time for."""
+        speed, grip_s = self._options.pace.speed, self._plan.grip_s
+        if self._options.response is not None:
+            raise _RefusedError(
+                "tracking", "there is no tracking proof of both arms; leave out the response"
+            )
+        moves = [move for side in LIMBS for move in self._plan.plans[side].moves]
+        ramp_s = ramp_s_for([move.trajectory for move in moves], speed)
+        if speed * (0.5 * ramp_s + RESERVE_S) >= grip_s:
+            raise _RefusedError(
+                "speed",
+                f"at speed {speed:g} the arms cannot be slowed to rest along their paths while a "
+                f"gripper acts, {grip_s:g} s on the clock, within their acceleration limits; take "
+                "a lower speed",
+            )
+        self._found("clock", f"slows both arms to rest within {seconds(ramp_s)}")
+        return ramp_s
+
+    def _check_start(self, arm: Arm, q_start: FloatArray) -> None:
+        reading = self._link.joints.arm(arm.joint_names)
+        off = np.inf if reading is None else float(np.abs(reading.q - q_start).max())
+        if off > START_RAD:
+            raise _RefusedError(
+                "start",
+                f"the {arm.side} arm stands {off:.3f} rad from it, and both arms are not moved "
+                "there by themselves; move each there first, by a plan of its own",
+            )
+        self._found("start", f"the {arm.side} arm stands {off:.4f} rad from it")
+
+    def _started(self, side: str, joints: Mapping[str, float], manipulator: Manipulator) -> Plan:
+        """An arm's own plan from where the robot's other joints are; states are not known yet."""
+        plan = self._plan.plans[side]
+        bare = (evolve(step, state=None, contacts=()) for step in plan)
+        start = evolve(plan.start, joints=joints)
+        return evolve(plan, start=start, steps=tuple(bare), robot=manipulator.identity)
+
+    def _apart_m(self, plan: TwoArmPlan, robot: Baxter) -> float:
+        """The proven distance of both arms, as the robot stands."""
+        _LOG.info("verifying the plan in the state that the robot reports: some seconds")
+        try:
+            certificate = verify_both(plan, description=robot.description)
+        except BaxterError as cause:
+            raise _RefusedError("plan", str(cause)) from cause
+        if not certificate.is_valid:
+            raise _RefusedError("plan", certificate.verdict)
+        self._found("plan", certificate.verdict)
+        if certificate.clearance_m <= KEPT_M:
+            raise _RefusedError(
+                "clearance",
+                f"the arms are {clear(certificate.clearance_m)} of each other, and more than "
+                f"{1e3 * KEPT_M:g} mm are needed; plan with a greater margin",
+            )
+        return certificate.clearance_m
+
+
+def _alone(robot: Baxter, side: str, joints: Mapping[str, float]) -> Manipulator:
+    """An arm in a world without the other one."""
+    manipulator = Manipulator.of(robot, side, q_others=robot.configuration(dict(joints)))
+    other = next(each for each in LIMBS if each != side)
+    return evolve(manipulator, shapes=manipulator.shapes.without(other))

@@ -11,6 +11,11 @@ made up by a burst: the next one is the next of the grid that has not passed. Pl
 (`PlanTime`) follows the clock, but by two ticks at most from one set-point to the next, and by one
 where more than a tick and `MAX_LATENESS_S` have passed. A busy machine therefore delays the arm but
 never makes it jump.
+
+A plan of both arms has one clock, `CommonClock`, from which both arms' set-points are taken. It can
+be slowed to rest and go on again: its rate changes smoothly, so that the arms stay on their paths.
+At speed s and rate r, a joint accelerates by s^2 r^2 a + s r' v; `ramp_s_for` finds how long the
+rate must take from one to zero, so that this stays within the limits.
 """
 
 from __future__ import annotations
@@ -107,10 +112,10 @@ class SentMotion:
         """Index of the move that is under way at a plan time."""
         return int(np.searchsorted(self.starts_s, plan_s, side="right")) - 1
 
-    def at(self, plan_s: float) -> SetPoint:
-        """The set-point at a plan time from 0 to the end."""
+    def at(self, plan_s: float, rate: float = 1.0) -> SetPoint:
+        """The set-point at a plan time from 0 to the end, which passes `rate` times its speed."""
         state = self.trajectory.sample(min(plan_s, self.trajectory.duration))
-        return SetPoint(state.q, self._led(state.q, state.v))
+        return SetPoint(state.q, self._led(state.q, rate * state.v))
 
     def peak_speeds(self) -> FloatArray:
         """The greatest speed of each joint from one set-point to the next, shape (7,), rad/s."""
@@ -220,3 +225,101 @@ class PlanTime:
             passed_s = self._tick_s
         self.motion_s += min(passed_s, MAX_STEP_TICKS * self._tick_s)
         return self.motion_s
+
+
+STEEPEST = 1.5
+"""Maximum slope of the rate over the share of the ramp, 3 u^2 - 2 u^3."""
+
+RAMP_STEP_S = 0.01
+"""Step of the search for what a ramp adds to accelerations."""
+
+MIN_RAMP_S = 0.2
+
+RESERVE_S = 2.0 * MAX_STEP_TICKS * TICK_S
+"""A clock that must rest by a time rests before it, by the time that two late ticks take."""
+
+
+def ramp_s_for(trajectories: Iterable[Trajectory], speed: float) -> float:
+    """How long the rate of a clock must take from one to zero, at any time; infinite if too fast.
+
+    The accelerations of all joints then stay within the limits of their trajectories.
+
+    Args:
+        trajectories: all that are sent.
+        speed: of plan time to time, in (0, 1].
+    """
+    ramp_s = MIN_RAMP_S
+    for each in trajectories:
+        count = max(2, math.ceil(each.duration / RAMP_STEP_S) + 1)
+        state = each.sample(np.linspace(0.0, each.duration, count))
+        room = each.limits.a_max - speed**2 * np.abs(state.a)
+        added = STEEPEST * speed * np.abs(state.v)
+        is_fast = added > 0.0
+        if (room[is_fast] <= 0.0).any():
+            return math.inf
+        ramp_s = max(ramp_s, float((added[is_fast] / room[is_fast]).max(initial=0.0)))
+    return ramp_s
+
+
+class CommonClock:
+    """The clock of a plan of both arms, which can be slowed to rest and go on again.
+
+    Attributes:
+        time_s: time on the clock, from 0 to the plan's end.
+        rate: 1 at full speed, 0 at rest.
+    """
+
+    def __init__(self, now_s: float, end_s: float, speed: float, ramp_s: float) -> None:
+        """Begin at zero and at full speed.
+
+        Args:
+            now_s: the time.
+            end_s: where the clock ends.
+            speed: of the clock to time, in (0, 1].
+            ramp_s: how long the rate takes from one to zero, and back.
+        """
+        self._passed, self._end_s, self._speed, self._ramp_s = PlanTime(now_s), end_s, speed, ramp_s
+        self.time_s, self.rate = 0.0, 1.0
+        self._share, self._awaited_s = 1.0, math.inf
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has come to its end."""
+        return self.time_s >= self._end_s
+
+    @property
+    def stopping_s(self) -> float:
+        """How far it goes on until it rests, if it slows from now on."""
+        return self._speed * self._ramp_s * _area(self._share)
+
+    def advance(self, now_s: float, due_s: float = math.inf, *, is_ending: bool = False) -> float:
+        """Advance to the tick that has come; returns `time_s`.
+
+        Args:
+            now_s: the time.
+            due_s: the clock must not pass this; once it slows before it, it goes on when another
+                time is given.
+            is_ending: whether it slows until it rests.
+        """
+        before_s = self._passed.motion_s
+        passed_s = self._passed.advance(now_s) - before_s
+        if due_s - self.time_s <= self.stopping_s + self._speed * RESERVE_S:
+            self._awaited_s = due_s
+        is_slowing = is_ending or (due_s < math.inf and due_s == self._awaited_s)
+        share = self._share + (-passed_s if is_slowing else passed_s) / self._ramp_s
+        after = min(max(share, 0.0), 1.0)
+        in_ramp_s = abs(after - self._share) * self._ramp_s
+        moved_s = self._ramp_s * abs(_area(after) - _area(self._share))
+        self._share, self.rate = after, _rate(after)
+        moved_s += self.rate * (passed_s - in_ramp_s)
+        self.time_s = min(self.time_s + self._speed * moved_s, due_s, self._end_s)
+        return self.time_s
+
+
+def _rate(share: float) -> float:
+    return share**2 * (3.0 - 2.0 * share)
+
+
+def _area(share: float) -> float:
+    """The integral of the rate from zero to a share of the ramp."""
+    return share**3 - 0.5 * share**4

@@ -1,21 +1,22 @@
 """Stops: why an execution ends early, as facts, and the watch that finds all of them but the path.
 
-The watch is asked at every tick, before anything is sent. It subscribes to the arm's own command
-topic, so that another node that commands the arm is found at once.
+The watch is asked at every tick, before anything is sent. It subscribes to the command topics of
+the arms that are driven, so that another node that commands one of them is found at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from baxter_kin.display import seconds
 from baxter_kin.fields import FrozenMapping, frozen
-from baxter_kin.kinematics.arm import arm_joints
+from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
 from sim.ros1.execution.link import JOINT_STATES, STATE, BaxterLink, command_topic
@@ -39,6 +40,7 @@ class StopCause(str, Enum):
     OFF_PATH = "off its path"
     JOINT_OFF = "a joint off its set-point"
     RUNNING_AWAY = "away from a set-point that stands"
+    ARMS_APART = "both arms off their paths"
     OTHER_ARM_MOVED = "other arm moved"
     DISABLED = "not enabled"
     STOPPED = "stopped"
@@ -63,6 +65,21 @@ class StopCause(str, Enum):
         A robot that is stopped, in error or disabled is sent nothing more.
         """
         return self not in (StopCause.DISABLED, StopCause.STOPPED, StopCause.ROBOT_ERROR)
+
+    @property
+    def keeps_paths(self) -> bool:
+        """Whether two arms then slow down along their paths, as both follow them still.
+
+        After any other cause they hold at once.
+        """
+        return self in (
+            StopCause.GRIPPER_MISSED,
+            StopCause.GRIPPER_SILENT,
+            StopCause.TIME_OUT,
+            StopCause.OBSERVER_FAILED,
+            StopCause.SIGINT,
+            StopCause.SIGTERM,
+        )
 
 
 @frozen(error=SimulationError, eq=True)
@@ -120,6 +137,8 @@ _TEXTS: Mapping[StopCause, str] = FrozenMapping(
         StopCause.RUNNING_AWAY: "{subject} moves away from a set-point that stands, {value:.3f} "
         "rad farther by now; {bound:.3g} rad are allowed: something pushes the arm, or its "
         "controller fails",
+        StopCause.ARMS_APART: "the arms are {value_mm} mm off their paths in sum, and "
+        "{bound_mm} mm are clear between them; send them slower, or with the lead that fits",
         StopCause.OTHER_ARM_MOVED: "{subject} has moved by {value:.3f} rad, {bound:.3g} rad are "
         "allowed; the plan counts on that arm standing still",
         StopCause.DISABLED: "the robot is not enabled any more{remark}; enable it and begin again",
@@ -148,21 +167,25 @@ _TEXTS: Mapping[StopCause, str] = FrozenMapping(
 
 
 class Watch:
-    """Checks a robot while one of its arms is driven."""
+    """Checks a robot while one of its arms is driven, or both."""
 
-    def __init__(self, link: BaxterLink, limb: str) -> None:
-        """Subscribe to the commands of the arm."""
-        self._link, self._limb, self._names = link, limb, arm_joints(limb)
-        self._other_names = arm_joints("right" if limb == "left" else "left")
+    def __init__(self, link: BaxterLink, limbs: Sequence[str]) -> None:
+        """Subscribe to the commands of the arms that are driven."""
+        self._link, self._limbs = link, tuple(limbs)
+        self._names = [name for limb in limbs for name in arm_joints(limb)]
+        others = [limb for limb in LIMBS if limb not in limbs]
+        self._other_names = [name for limb in others for name in arm_joints(limb)]
         self._q_other: FloatArray | None = None
         self._requested: Stop | None = None
         self._commander: str | None = None
-        link.listen(command_topic(limb), "baxter_core_msgs/JointCommand", self._on_command)
+        for limb in limbs:
+            link.listen(command_topic(limb), "baxter_core_msgs/JointCommand", self._on_command)
 
     def begin(self) -> None:
-        """Store where the other arm is; from now on it must stand there."""
-        reading = self._link.joints.arm(self._other_names)
-        self._q_other = None if reading is None else reading.q
+        """Store where an arm is that is not driven; from now on it must stand there."""
+        if self._other_names:
+            reading = self._link.joints.arm(self._other_names)
+            self._q_other = None if reading is None else reading.q
 
     @property
     def is_requested(self) -> bool:
@@ -174,11 +197,11 @@ class Watch:
         if self._requested is None:
             self._requested = Stop(cause, detail=detail)
 
-    def stop(self, now_s: float) -> Stop | None:
-        """The reason to stop now, or None."""
+    def stop(self, now_s: float, *, is_ending: bool = False) -> Stop | None:
+        """The reason to stop now, or None; none that was requested while it ends already."""
         return (
             self._robot_stop()
-            or self._requested
+            or (None if is_ending else self._requested)
             or self._network_stop()
             or self._publisher_stop(now_s)
             or self._joint_stop(now_s)
@@ -210,8 +233,8 @@ class Watch:
         return None
 
     def _publisher_stop(self, now_s: float) -> Stop | None:
-        own, command = self._link.node.name, command_topic(self._limb)
-        writers = (self._commander, *self._link.writers(command))
+        own, topics = self._link.node.name, map(command_topic, self._limbs)
+        writers = (self._commander, *chain.from_iterable(map(self._link.writers, topics)))
         others = [name for name in writers if name is not None and name != own]
         if others:
             return Stop(StopCause.OTHER_COMMANDER, subject=others[0])
@@ -234,8 +257,10 @@ class Watch:
             return Stop(
                 StopCause.STALE_JOINTS, subject=reading.oldest, value=age_s, bound=MAX_AGE_S
             )
+        if self._q_other is None:
+            return None
         other = self._link.joints.arm(self._other_names)
-        if other is None or self._q_other is None:
+        if other is None:
             return None
         moved = np.abs(other.q - self._q_other)
         worst = int(moved.argmax())

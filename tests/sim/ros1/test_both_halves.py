@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Plan, Response
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import LIMBS
+from planner import Body, Plan, Response, TwoArmPlan
 from planner.pick_place.tracking import TrackingProof, prove_tracking
-from sim import Event, EventKind, Simulation, World
+from sim import Event, EventKind, Observer, Simulation, World
 from sim.ros1.execution import readiness, stops
 from sim.ros1.execution.execution import RosExecutor
-from sim.ros1.execution.link import BaxterLink
-from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError
+from sim.ros1.execution.link import BaxterLink, command_topic
+from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from sim.ros1.node import Node
@@ -25,7 +27,11 @@ from sim.ros1.robot.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
 from sim.simulation import Dwell
 from sim.world.contacts import Contact
-from tests.sim.ros1.execution.conftest import demo_plan  # noqa: F401 - a fixture
+from tests.sim.ros1.execution.conftest import (  # noqa: F401 - fixtures
+    both_ready,
+    demo_plan,
+    two_arm_plan,
+)
 from tests.sim.runs import Witness
 
 SAME_PLACE_M = 1e-3
@@ -59,10 +65,24 @@ class Halves:
 def halves(
     robot: Baxter, plan: Plan, master_uri: str, following: Following | None = None
 ) -> Iterator[Halves]:
-    world, witness = World(robot), Witness()
-    for body in plan.start.scene:
-        world.spawn(body)
     start = {"left": plan.q_start, "right": robot.arm("right").neutral}
+    with halves_at(robot, plan.start.scene, start, master_uri, following=following) as both:
+        yield both
+
+
+@contextmanager
+def halves_at(
+    robot: Baxter,
+    bodies: Iterable[Body],
+    start: Mapping[str, np.ndarray],
+    master_uri: str,
+    *,
+    following: Following | None = None,
+) -> Iterator[Halves]:
+    """A simulated Baxter among bodies, whose arms start somewhere."""
+    world, witness = World(robot), Witness()
+    for body in bodies:
+        world.spawn(body)
     with (
         RosRobot(
             world, observers=[witness], following=following, q_start=start, master_uri=master_uri
@@ -172,3 +192,131 @@ def test_a_lead_that_fits_the_lag_keeps_the_arm_on_its_path(
     fastest = max(np.abs(move.trajectory.turning_velocities).max() for move in demo_plan.moves)
     unled = 0.8 * fastest * LAG.lag_s
     assert outcome.joint_deviation_rad < unled / 3  # the rest is how late ticks are
+
+
+MAX_SKEW_S = 5e-3
+"""How far apart the clocks of both arms may be, as the robot shows them."""
+
+MOVING_RAD_S = 0.1
+"""An arm that is slower in the plan does not show its time on the clock."""
+
+PLACES = {"left": (0.75, 0.4), "right": (0.65, -0.4)}
+"""Where the plan of both arms puts the blocks, m."""
+
+PLACED_M = 3e-3
+
+
+def clocks_of(
+    plan: TwoArmPlan, robot: Baxter, witness: Witness
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """For each arm: the time on the clock at which the plan has it where each snapshot has it.
+
+    With whether the arm moves there; both have the shape (snapshots,).
+    """
+    times = np.arange(0.0, plan.duration_s, 5e-4)
+    state = plan.trajectory.sample(times)
+    shown = np.array([snapshot.q for snapshot in witness.snapshots[::3]])
+    for number, side in enumerate(LIMBS):
+        own = slice(7 * number, 7 * number + 7)
+        q = shown[:, list(robot.indices(robot.arm(side).joint_names))]
+        nearest = [int(np.abs(state.q[:, own] - each).max(axis=1).argmin()) for each in q]
+        yield times[nearest], np.abs(state.v[nearest, own]).max(axis=1) > MOVING_RAD_S
+
+
+def assert_at_rest(both: Halves) -> None:
+    """Both arms stand still, and nothing was hit."""
+    before = both.link.joints.positions()
+    both.link.wait_until(lambda: False, 0.3)
+    after = both.link.joints.positions()
+    arms = [name for side in LIMBS for name in both.world.robot.arm(side).joint_names]
+    assert max(abs(after[name] - before[name]) for name in arms) < 1e-4
+    assert EventKind.HIT not in both.witness.kinds
+
+
+def unhurried(ready: ReadyTwoArmPlan) -> ReadyTwoArmPlan:
+    """At a third of the speed that it was prepared for: what a busy computer adds stays small."""
+    slow = evolve(ready.options, pace=Pace(0.2))
+    arms = {side: evolve(arm, options=slow) for side, arm in ready.arms.items()}
+    return evolve(ready, arms=arms)
+
+
+@contextmanager
+def both_arms(
+    robot: Baxter, plan: TwoArmPlan, master_uri: str, *, without: str = ""
+) -> Iterator[Halves]:
+    """A simulated Baxter at the start of a plan of both arms, a body left out."""
+    start = {side: plan.plans[side].q_start for side in LIMBS}
+    bodies = [body for body in plan.start.scene if body.name != without]
+    with halves_at(robot, bodies, start, master_uri) as both:
+        both.link.wait_until(lambda: both.link.gripper("right") is not None, 3.0)
+        both.link.wait_until(lambda: not both.link.joints.missing(robot.joint_names[:1]), 3.0)
+        yield both
+
+
+@pytest.mark.slow
+def test_both_arms_carry_their_blocks_on_one_clock(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,  # noqa: F811
+    both_ready: ReadyTwoArmPlan,  # noqa: F811
+    own_master: str,
+) -> None:
+    with both_arms(robot, two_arm_plan, own_master) as both:
+        outcome = RosExecutor(both.link).execute(unhurried(both_ready))
+        assert outcome.is_success, outcome.failure
+        assert_at_rest(both)
+        for side in LIMBS:
+            goal = two_arm_plan.plans[side].moves[-1].trajectory.q_goal
+            assert np.abs(both.world.arm_q(side) - goal).max() < 0.01
+            placed = both.world.body(side).T_base_body.translation[:2]
+            assert np.abs(placed - PLACES[side]).max() < PLACED_M
+        (left_s, left_moves), (right_s, right_moves) = clocks_of(two_arm_plan, robot, both.witness)
+    skew_s = np.abs(left_s - right_s)[left_moves & right_moves]
+    assert len(skew_s) > 20
+    assert np.median(skew_s) < MAX_SKEW_S
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", LIMBS)
+def test_a_hand_that_closes_on_nothing_stops_both_arms(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,  # noqa: F811
+    both_ready: ReadyTwoArmPlan,  # noqa: F811
+    own_master: str,
+    side: str,
+) -> None:
+    with both_arms(robot, two_arm_plan, own_master, without=side) as both:
+        outcome = RosExecutor(both.link).execute(unhurried(both_ready))
+        assert outcome.stop is not None
+        assert outcome.stop.cause is StopCause.GRIPPER_MISSED, outcome.failure
+        assert outcome.stop.subject == side
+        assert_at_rest(both)
+
+
+class Intruder(Observer):
+    """Advertises the set-points of an arm as soon as it carries its block."""
+
+    def __init__(self, node: Node, side: str) -> None:
+        self._node, self._side = node, side
+
+    def on_event(self, event: Event) -> None:
+        if (event.kind, event.side) == (EventKind.GRASPED, self._side):
+            self._node.advertise(command_topic(self._side), "baxter_core_msgs/JointCommand")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", LIMBS)
+def test_another_node_that_commands_one_arm_stops_both(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,  # noqa: F811
+    both_ready: ReadyTwoArmPlan,  # noqa: F811
+    own_master: str,
+    side: str,
+) -> None:
+    with (
+        both_arms(robot, two_arm_plan, own_master) as both,
+        Node("/stranger", master_uri=own_master, host="127.0.0.1") as stranger,
+    ):
+        outcome = RosExecutor(both.link, [Intruder(stranger, side)]).execute(unhurried(both_ready))
+        assert outcome.stop is not None
+        assert outcome.stop.cause is StopCause.OTHER_COMMANDER, outcome.failure
+        assert_at_rest(both)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from sim.errors import RosError
 from sim.ros1.definitions import message_type
 from tests.sim.ros1.execution.clock import VirtualTime
 
@@ -61,6 +62,8 @@ class BusNode:
             end.close()
 
     def advertise(self, topic: str, kind: str, latch: bool = False, **__: int) -> BusPublisher:
+        if self.name in self.publishers_of(topic):
+            raise RosError(f"{self.name} publishes {topic} already")
         publisher = BusPublisher(self, topic, kind, latch)
         self._add(publisher, self.bus.publishers)
         return publisher

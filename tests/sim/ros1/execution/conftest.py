@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
@@ -11,13 +11,15 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Plan
+from baxter_kin.kinematics.arm import LIMBS
+from planner import Manipulator, Plan, TwoArmPlan, plan_together
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
-from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
 from sim.simulation import Dwell
+from tests.planner.two_arms.pairs import pair
 from tests.sim.ros1.execution.bus import Bus, BusNode
 from tests.sim.ros1.execution.clock import virtual_time
 from tests.sim.ros1.execution.fake_robot import FakeRobot
@@ -66,6 +68,13 @@ def network(robot: Baxter, demo_plan: Plan) -> Iterator[Network]:
 def networked(robot: Baxter, plan: Plan, **options: Any) -> Iterator[Network]:
     left, right = robot.arm("left"), robot.arm("right")
     q = left.joints(plan.q_start) | right.joints(right.neutral)
+    with started(robot, q, **options) as network:
+        yield network
+
+
+@contextmanager
+def started(robot: Baxter, q: Mapping[str, float], **options: Any) -> Iterator[Network]:
+    """A robot in memory whose joints stand somewhere."""
     urdf = robot.description.text
     with virtual_time() as clock:
         bus = Bus(clock)
@@ -76,6 +85,33 @@ def networked(robot: Baxter, plan: Plan, **options: Any) -> Iterator[Network]:
         ):
             clock.sleep(0.1)
             yield Network(bus, fake, node, link)
+
+
+@pytest.fixture(scope="session")
+def two_arm_plan(robot: Baxter) -> TwoArmPlan:
+    """Each arm carries a block on its own side, both at once."""
+    manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
+    left, right = ((0.65, 0.2, 0.0), (0.75, 0.4, 0.5)), ((0.75, -0.2, 0.3), (0.65, -0.4, 0.0))
+    return plan_together(*pair(manipulators, left, right).arguments)
+
+
+@contextmanager
+def networked_at(robot: Baxter, plan: TwoArmPlan, **options: Any) -> Iterator[Network]:
+    """A robot in memory at the start of a plan of both arms."""
+    q: dict[str, float] = {}
+    for side in LIMBS:
+        q |= robot.arm(side).joints(plan.plans[side].q_start)
+    with started(robot, q, **options) as network:
+        yield network
+
+
+@pytest.fixture(scope="session")
+def both_ready(robot: Baxter, two_arm_plan: TwoArmPlan) -> ReadyTwoArmPlan:
+    """What was prepared once of the plan of both arms: its certificate takes ten seconds."""
+    with networked_at(robot, two_arm_plan) as network:
+        found = network.executor().prepare(two_arm_plan)
+    assert found.ready is not None, found.failures
+    return found.ready
 
 
 @pytest.fixture(scope="session")

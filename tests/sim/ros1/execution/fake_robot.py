@@ -9,14 +9,14 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from sim.ros1.definitions import message_type
 from tests.sim.ros1.execution.clock import TICK_S
 
-NAMES = tuple(
-    f"{side}_{j}" for side in ("left", "right") for j in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]
-)
+SIDES = "left", "right"
+NAMES = tuple(f"{side}_{j}" for side in SIDES for j in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"])
 CAPS = dict.fromkeys(["s0", "s1", "e0", "e1"], 2.0) | dict.fromkeys(["w0", "w1", "w2"], 4.0)
 FINGER_PERCENT_S = 200.0
 
@@ -30,18 +30,33 @@ class Faults:
         stuck: the arm does not follow.
         push: joint -> rad that are added each second, whatever is commanded.
         block_percent: where closing fingers meet something; None for nothing between them.
-        deaf_gripper: commands to the gripper are ignored.
+        missing: the hand between whose fingers there is nothing.
+        finger_percent_s: how fast fingers are.
+        deaf_gripper: commands to the grippers are ignored.
     """
 
     silent_joints: bool = False
     stuck: bool = False
     push: dict[str, float] = field(default_factory=dict)
     block_percent: float | None = 89.0
+    missing: str = ""
+    finger_percent_s: float = FINGER_PERCENT_S
     deaf_gripper: bool = False
 
 
+@dataclass
+class FakeHand:
+    """An electric gripper, and the last command that it accepted, with its sender."""
+
+    percent: float = 100.0
+    goal: float = 100.0
+    gripping: bool = False
+    moving: bool = False
+    echo: tuple[str, int] = ("", 0)
+
+
 class FakeRobot:
-    """Both arms of a Baxter, a gripper on the left one.
+    """Both arms of a Baxter, with a gripper each.
 
     Attributes:
         q: where the joints are, by name, rad.
@@ -49,7 +64,8 @@ class FakeRobot:
         ratios: the speed ratios that came.
         told_s: when a state was first published that says what `tell` was told.
         every: joint states come at every such tick.
-        gripper_fields: what the gripper says beside its position.
+        gripper_commands: those that came to either gripper.
+        gripper_fields: what the grippers say beside their positions.
         sag: joint -> by how much it is measured below its set-point.
     """
 
@@ -62,8 +78,7 @@ class FakeRobot:
         self.v = dict.fromkeys(NAMES, 0.0)
         self.faults = Faults()
         self.state: dict[str, Any] = {"ready": True, "enabled": False}
-        self.percent, self.finger_goal, self.gripping, self.moving = 100.0, 100.0, False, False
-        self.echo: tuple[str, int] = ("", 0)
+        self.hands = {side: FakeHand() for side in SIDES}
         self.commands: list[tuple[float, dict[str, float]]] = []
         self.gripper_commands: list[Any] = []
         self.ratios: list[float] = []
@@ -99,16 +114,18 @@ class FakeRobot:
         topics = {
             "/robot/joint_states": "sensor_msgs/JointState",
             "/robot/state": "baxter_core_msgs/AssemblyState",
-            "/robot/end_effector/left_gripper/state": "baxter_core_msgs/EndEffectorState",
-            "/robot/end_effector/left_gripper/properties": "baxter_core_msgs/EndEffectorProperties",
         }
+        for side in SIDES:
+            hand = f"/robot/end_effector/{side}_gripper"
+            topics[f"{hand}/state"] = "baxter_core_msgs/EndEffectorState"
+            topics[f"{hand}/properties"] = "baxter_core_msgs/EndEffectorProperties"
         return {
             topic: (self.node.advertise(topic, kind), message_type(kind))
             for topic, kind in topics.items()
         }
 
     def _listen(self) -> None:
-        for side in ("left", "right"):
+        for side in SIDES:
             limb = f"/robot/limb/{side}"
             self.node.subscribe(
                 f"{limb}/joint_command", "baxter_core_msgs/JointCommand", self._hear_command
@@ -118,12 +135,12 @@ class FakeRobot:
                 "std_msgs/Float64",
                 lambda heard: self.ratios.append(heard.message.data),
             )
+            self.node.subscribe(
+                f"/robot/end_effector/{side}_gripper/command",
+                "baxter_core_msgs/EndEffectorCommand",
+                partial(self._hear_gripper, self.hands[side]),
+            )
         self.node.subscribe("/robot/set_super_enable", "std_msgs/Bool", self._hear_enable)
-        self.node.subscribe(
-            "/robot/end_effector/left_gripper/command",
-            "baxter_core_msgs/EndEffectorCommand",
-            self._hear_gripper,
-        )
 
     def _hear_enable(self, heard: Any) -> None:
         self.enables += 1
@@ -136,18 +153,20 @@ class FakeRobot:
         if self.state["enabled"]:
             self.goal |= asked
 
-    def _hear_gripper(self, heard: Any) -> None:
+    def _hear_gripper(self, hand: FakeHand, heard: Any) -> None:
         told = heard.message
         self.gripper_commands.append(told)
         if not self.faults.deaf_gripper:
-            self.echo = (told.sender, told.sequence)
-            self.finger_goal, self.moving = json.loads(told.args)["position"], True
-            self.gripping = False
+            hand.echo = (told.sender, told.sequence)
+            hand.goal, hand.moving = json.loads(told.args)["position"], True
+            hand.gripping = False
 
     def tick(self) -> None:
         """Move on for `TICK_S`, and report."""
         self._move_arms(TICK_S)
-        self._move_fingers(TICK_S)
+        for side, hand in self.hands.items():
+            block = None if side == self.faults.missing else self.faults.block_percent
+            self._move_fingers(hand, block, TICK_S)
         self._publish()
 
     def _move_arms(self, passed_s: float) -> None:
@@ -162,17 +181,16 @@ class FakeRobot:
             self.q[name] = before + step + passed_s * self.faults.push.get(name, 0.0)
             self.v[name] = (self.q[name] - before) / max(passed_s, 1e-6)
 
-    def _move_fingers(self, passed_s: float) -> None:
-        if not self.moving:
+    def _move_fingers(self, hand: FakeHand, block: float | None, passed_s: float) -> None:
+        if not hand.moving:
             return
-        step = FINGER_PERCENT_S * passed_s
-        goal, block = self.finger_goal, self.faults.block_percent
-        if block is not None and goal < block <= self.percent:
+        step, goal = self.faults.finger_percent_s * passed_s, hand.goal
+        if block is not None and goal < block <= hand.percent:
             goal = block
-        off = goal - self.percent
-        self.percent += max(-step, min(step, off))
-        if self.percent == goal:
-            self.moving, self.gripping = False, goal == block and goal != self.finger_goal
+        off = goal - hand.percent
+        hand.percent += max(-step, min(step, off))
+        if hand.percent == goal:
+            hand.moving, hand.gripping = False, goal == block and goal != hand.goal
 
     def _publish(self) -> None:
         self._ticks += 1
@@ -186,17 +204,18 @@ class FakeRobot:
                 effort=[0.0] * len(names),
             )
         self._say("/robot/state", **self.state)
-        hand = "/robot/end_effector/left_gripper"
-        self._say(
-            f"{hand}/state",
-            **self.gripper_fields,
-            moving=int(self.moving),
-            gripping=int(self.gripping),
-            position=self.percent,
-            command_sender=self.echo[0],
-            command_sequence=self.echo[1],
-        )
-        self._say(f"{hand}/properties", ui_type=2)
+        for side, hand in self.hands.items():
+            topic = f"/robot/end_effector/{side}_gripper"
+            self._say(
+                f"{topic}/state",
+                **self.gripper_fields,
+                moving=int(hand.moving),
+                gripping=int(hand.gripping),
+                position=hand.percent,
+                command_sender=hand.echo[0],
+                command_sequence=hand.echo[1],
+            )
+            self._say(f"{topic}/properties", ui_type=2)
 
     def _say(self, topic: str, **values: Any) -> None:
         publisher, kind = self._ends[topic]

@@ -246,7 +246,7 @@ def test_a_gripper_that_does_nothing_is_not_waited_for_for_ever(
     network: Network, ready: ReadyPlan
 ) -> None:
     network.robot.faults.deaf_gripper = True
-    network.robot.percent = 50.0
+    network.robot.hands["left"].percent = 50.0
     outcome = network.executor().execute(ready)
     assert outcome.stop is not None
     assert outcome.stop.cause is StopCause.GRIPPER_SILENT

@@ -11,7 +11,7 @@ from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.fields import evolve
 from planner import Certificate, Grip, Move, Plan, verify
 from sim.ros1.execution import readiness
-from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, Readiness
+from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, Readiness, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from tests.sim.ros1.execution.conftest import FAST, Network
 
@@ -27,7 +27,7 @@ def _certified_once(monkeypatch: pytest.MonkeyPatch, certificate: Certificate) -
     monkeypatch.setattr(readiness, "verify", lambda *_, **__: certificate)
 
 
-def looked(network: Network, plan: Plan, options: ExecutionOptions = FAST) -> Readiness:
+def looked(network: Network, plan: Plan, options: ExecutionOptions = FAST) -> Readiness[ReadyPlan]:
     return network.executor(options=options).prepare(plan)
 
 
@@ -44,7 +44,7 @@ def move_robot(network: Network, **off: float) -> None:
     )
 
 
-def told(found: Readiness, name: str) -> str:
+def told(found: Readiness[ReadyPlan], name: str) -> str:
     return next(finding.text for finding in found.findings if finding.name == name)
 
 

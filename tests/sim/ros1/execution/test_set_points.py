@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,12 +16,15 @@ from planner.motion.response import TICK_S
 from sim.errors import SimulationError
 from sim.ros1.execution.set_points import (
     MAX_LATENESS_S,
+    STEEPEST,
+    CommonClock,
     Pace,
     PlanTime,
     Schedule,
     SentMotion,
     motions_of,
     parts_of,
+    ramp_s_for,
     slowed,
     speed_ratio_for,
     too_fast,
@@ -182,3 +187,52 @@ def test_a_long_interval_advances_plan_time_by_one_tick(
     interval_s: float, advance_s: float
 ) -> None:
     assert PlanTime(5.0).advance(5.0 + interval_s) == pytest.approx(advance_s)
+
+
+CLOCK_SPEED, CLOCK_END_S = 0.6, 4.0
+
+
+@given(
+    st.lists(st.floats(0.0, 0.1), min_size=50, max_size=400),
+    st.floats(0.2, 1.0),
+    st.floats(0.5, 3.5),
+    st.integers(0, 200),
+)
+def test_a_clock_rests_before_what_is_due_and_goes_on_when_it_is_done(
+    intervals_s: list[float], ramp_s: float, begin_s: float, done_at: int
+) -> None:
+    """Whatever the ticks, an action that begins at a time on the clock has half a second on it."""
+    clock = CommonClock(0.0, CLOCK_END_S, CLOCK_SPEED, ramp_s)
+    now_s, rate, due_s = 0.0, 1.0, math.inf
+    for number, passed_s in enumerate([*intervals_s, *[0.01] * 1500]):
+        now_s += passed_s
+        before_s, before = clock.time_s, clock.rate
+        clock.advance(now_s, due_s)
+        assert before_s <= clock.time_s <= min(due_s, CLOCK_END_S)
+        assert abs(clock.rate - before) <= STEEPEST * min(passed_s, 0.02) / ramp_s + 1e-12
+        if clock.time_s == due_s:
+            assert clock.rate == 0.0
+        is_pending = clock.time_s >= begin_s and number < done_at
+        due_s = begin_s + 0.5 if is_pending else math.inf
+        rate = clock.rate
+    assert clock.is_over
+    assert rate == 1.0
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.6, 0.8])
+def test_a_ramp_at_any_time_keeps_accelerations_within_limits(plan: Plan, speed: float) -> None:
+    trajectories = [motion.trajectory for motion in motions_of(plan.moves, Pace())]
+    ramp_s = ramp_s_for(trajectories, speed)
+    times = np.arange(0.0, 10.0, 1e-3)
+    for trajectory in trajectories:
+        for begin_s in np.linspace(0.0, 0.9 * trajectory.duration / speed, 7):
+            clock = CommonClock(0.0, trajectory.duration, speed, ramp_s)
+            ended = [clock.advance(t, is_ending=t >= begin_s) for t in times]
+            q = trajectory.sample(np.array(ended)).q
+            a = np.abs(np.diff(q, n=2, axis=0)) / 1e-6
+            assert (a.max(axis=0) <= 1.01 * trajectory.limits.a_max).all()
+            assert clock.rate == 0.0
+
+
+def test_a_plan_at_its_limits_cannot_be_slowed_within_them(plan: Plan) -> None:
+    assert ramp_s_for([move.trajectory for move in plan.moves], 1.0) > 10.0

@@ -1,0 +1,325 @@
+"""Plans of both arms: one clock, both limbs' set-points, and whatever stops one arm stops both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from planner import PlanFailure, Response, TwoArmPlan
+from planner.motion.response import TICK_S
+from sim import EventKind
+from sim.errors import SimulationError
+from sim.ros1.execution.execution import MeasuredOutcome
+from sim.ros1.execution.readiness import ExecutionOptions, ReadyTwoArmPlan
+from sim.ros1.execution.set_points import Pace
+from sim.ros1.execution.stops import StopCause
+from tests.sim.ros1.execution.conftest import FAST, Network, networked_at
+from tests.sim.runs import Witness
+
+GRID = 0.02
+"""Share by which differences of set-points may exceed an acceleration between them."""
+
+HELD_S = 1.0
+"""How long arms are commanded to stay after a stop."""
+
+
+@pytest.fixture
+def both(robot: Baxter, two_arm_plan: TwoArmPlan) -> Iterator[Network]:
+    with networked_at(robot, two_arm_plan) as network:
+        yield network
+
+
+def sent_to(network: Network, side: str) -> tuple[FloatArray, FloatArray]:
+    """Times of arrival, shape (n,), and set-points, shape (n, 7), of one arm."""
+    own = [
+        (t, list(asked.values())) for t, asked in network.robot.commands if f"{side}_s0" in asked
+    ]
+    return np.array([t for t, _ in own]), np.array([q for _, q in own])
+
+
+def measured(network: Network, robot: Baxter, side: str) -> FloatArray:
+    return np.array([network.robot.q[name] for name in robot.arm(side).joint_names])
+
+
+def assert_rest(network: Network, sides: Iterable[str] = LIMBS) -> None:
+    """Arms were sent the same set-point for as long as they are held, and then nothing."""
+    ends = set()
+    for side in sides:
+        times, q = sent_to(network, side)
+        is_last = np.abs(q - q[-1]).max(axis=1) == 0.0
+        moved_s = times[~is_last].max(initial=times[0])
+        assert times[-1] - moved_s >= HELD_S - 2.5 * TICK_S
+        ends.add(times[-1])
+    assert len(ends) == 1
+
+
+def assert_gentle(network: Network, both_ready: ReadyTwoArmPlan) -> None:
+    """What was sent accelerates no joint beyond its limit."""
+    for side in LIMBS:
+        times, q = sent_to(network, side)
+        passed = np.diff(times)[:, None]
+        v = np.diff(q, axis=0) / passed
+        a = np.abs(np.diff(v, axis=0)) / ((passed[1:] + passed[:-1]) / 2.0)
+        a_max = both_ready.arms[side].manipulator.arm.limits.a_max
+        assert (a.max(axis=0) <= (1.0 + GRID) * a_max).all()
+
+
+def test_both_arms_end_where_the_plan_says(
+    both: Network, robot: Baxter, both_ready: ReadyTwoArmPlan
+) -> None:
+    witness = Witness()
+    outcome = both.executor(witness).execute(both_ready)
+    assert outcome.is_success, outcome.failure
+    for side in LIMBS:
+        goal = both_ready.plan.plans[side].moves[-1].trajectory.q_goal
+        assert np.abs(measured(both, robot, side) - goal).max() < 0.0087
+        body = both_ready.plan.plans[side].start.scene
+        assert side in [each.name for each in body]
+    kinds = witness.kinds
+    assert kinds.count(EventKind.GRASPED) == kinds.count(EventKind.RELEASED) == 2
+    assert {(each.kind, each.side) for each in witness.events} >= {
+        (EventKind.GRASPED, side) for side in LIMBS
+    }
+    own = both.bus.registered("/baxter_kin")
+    assert not [
+        t for t in own if "joint_command" in t and "/baxter_kin" in both.node.publishers_of(t)
+    ]
+
+
+def test_set_points_of_both_limbs_are_those_of_one_time_on_the_clock(
+    both: Network, both_ready: ReadyTwoArmPlan
+) -> None:
+    outcome = both.executor().execute(both_ready)
+    assert outcome.is_success, outcome.failure
+    (left_s, left), (right_s, right) = (sent_to(both, side) for side in LIMBS)
+    assert np.array_equal(left_s, right_s)
+    whole = both_ready.plan.trajectory
+    clock_s = np.arange(0.0, both_ready.plan.duration_s, 2e-4)
+    planned = whole.sample(clock_s).q
+    found = []
+    for q in np.hstack([left, right]):
+        off = np.abs(planned - q).max(axis=1)
+        assert off.min() < 1e-3  # both are at one instant of the plan
+        found.append(clock_s[int(off.argmin())])
+    assert len(found) * TICK_S >= both_ready.plan.duration_s / FAST.pace.speed
+
+
+def test_the_clock_waits_for_a_slow_gripper_and_keeps_accelerations_within_limits(
+    both: Network, robot: Baxter, both_ready: ReadyTwoArmPlan
+) -> None:
+    """Fingers that take five times as long as the plan assumes."""
+    both.robot.faults.finger_percent_s = 40.0
+    both.robot.faults.block_percent = 30.0
+    outcome = both.executor().execute(both_ready)
+    assert outcome.is_success, outcome.failure
+    assert outcome.duration_s > both_ready.plan.duration_s / FAST.pace.speed + 2.0
+    assert_gentle(both, both_ready)
+    for side in LIMBS:
+        goal = both_ready.plan.plans[side].moves[-1].trajectory.q_goal
+        assert np.abs(measured(both, robot, side) - goal).max() < 0.0087
+
+
+def test_no_step_begins_before_a_gripper_action_that_must_be_done_before(
+    both: Network, both_ready: ReadyTwoArmPlan
+) -> None:
+    both.robot.faults.finger_percent_s = 40.0
+    both.robot.faults.block_percent = 30.0
+    witness = Witness()
+    outcome = both.executor(witness).execute(both_ready)
+    assert outcome.is_success, outcome.failure
+    order = [(each.side, each.kind) for each in witness.events]
+    grasps = [order.index((side, EventKind.GRASPED)) for side in LIMBS]
+    for side, at in zip(LIMBS, grasps, strict=True):
+        moves = [kind for own, kind in order[:at] if own == side and kind is EventKind.MOVE_STARTED]
+        assert len(moves) == 2  # approach and descend
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Something that goes wrong with one arm.
+
+    Attributes:
+        cause: what it ends as.
+        make: does it.
+        options: with which the plan is carried out.
+        held: the arms that can be held then.
+    """
+
+    cause: StopCause
+    make: Callable[[Network], object]
+    options: ExecutionOptions = FAST
+    held: tuple[str, ...] = LIMBS
+
+
+def push(joint: str) -> Callable[[Network], None]:
+    def make(network: Network) -> None:
+        network.robot.faults.push[joint] = 3.0
+
+    return make
+
+
+def lose_limb(network: Network) -> None:
+    """The robot receives the right arm's set-points no more."""
+    topic = "/robot/limb/right/joint_command"
+    ends = network.bus.subscribers[topic]
+    ends[:] = [end for end in ends if end.node.name != "/baxter"]
+
+
+ENDS = [
+    Trouble(StopCause.JOINT_OFF, push("left_w2")),
+    Trouble(StopCause.JOINT_OFF, push("right_w2")),
+    Trouble(StopCause.CONNECTION_LOST, lose_limb, held=("left",)),
+    Trouble(StopCause.TIME_OUT, lambda _: None, evolve(FAST, timeout_s=2.0)),
+]
+
+
+def troubled(network: Network, both_ready: ReadyTwoArmPlan, trouble: Trouble) -> MeasuredOutcome:
+    """Execute the plan; the trouble begins while both arms are on their first moves."""
+    begin_s = network.bus.clock.now_s
+
+    def is_moving() -> bool:
+        return network.bus.clock.now_s > begin_s + 1.8
+
+    network.when(is_moving, lambda: trouble.make(network))
+    arms = {side: evolve(arm, options=trouble.options) for side, arm in both_ready.arms.items()}
+    return network.executor().execute(evolve(both_ready, arms=arms))
+
+
+@pytest.mark.parametrize("trouble", ENDS, ids=lambda each: each.cause.name)
+def test_what_stops_one_arm_stops_both(
+    both: Network, both_ready: ReadyTwoArmPlan, trouble: Trouble
+) -> None:
+    outcome = troubled(both, both_ready, trouble)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is trouble.cause, outcome.failure
+    assert_rest(both, trouble.held)
+
+
+@pytest.mark.parametrize("side", LIMBS)
+def test_a_gripper_that_misses_stops_both_along_their_paths(
+    both: Network, both_ready: ReadyTwoArmPlan, side: str
+) -> None:
+    both.robot.faults.missing = side
+    witness = Witness()
+    outcome = both.executor(witness).execute(both_ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.GRIPPER_MISSED, outcome.failure
+    assert outcome.stop.subject == side
+    assert EventKind.MISSED in witness.kinds
+    assert_rest(both)
+    assert_on_paths(both, both_ready)
+
+
+def test_a_gripper_that_does_nothing_stops_both(both: Network, both_ready: ReadyTwoArmPlan) -> None:
+    both.robot.faults.deaf_gripper = True
+    both.robot.hands["right"].percent = 50.0
+    outcome = both.executor().execute(both_ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.GRIPPER_SILENT
+    assert outcome.stop.subject == "right"
+    assert_rest(both)
+
+
+def test_arms_that_are_told_to_stop_slow_down_along_their_paths(
+    both: Network, both_ready: ReadyTwoArmPlan
+) -> None:
+    executor = both.executor()
+    begin_s = both.bus.clock.now_s
+    told_s: list[float] = []
+
+    def tell() -> None:
+        told_s.append(both.bus.clock.now_s)
+        executor.stop(StopCause.SIGTERM)
+
+    both.when(lambda: both.bus.clock.now_s > begin_s + 1.8, tell)
+    outcome = executor.execute(both_ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.SIGTERM
+    assert_rest(both)
+    assert_on_paths(both, both_ready)
+    assert_gentle(both, both_ready)
+    for side in LIMBS:
+        times, q = sent_to(both, side)
+        speeds = np.abs(np.diff(q, axis=0)).max(axis=1) / TICK_S
+        assert speeds[times[1:] < told_s[0]][-1] > 0.05  # it moved
+
+
+def assert_on_paths(network: Network, both_ready: ReadyTwoArmPlan) -> None:
+    """All that was sent to both arms is at one instant of the plan, as long as they were moved."""
+    (_, left), (_, right) = (sent_to(network, side) for side in LIMBS)
+    planned = both_ready.plan.trajectory.sample(np.arange(0.0, both_ready.plan.duration_s, 2e-4)).q
+    for q in np.hstack([left, right])[::5]:
+        assert np.abs(planned - q).max(axis=1).min() < 1e-3
+
+
+def test_arms_that_lag_alike_are_not_stopped(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,
+    both_ready: ReadyTwoArmPlan,
+) -> None:
+    slow = evolve(FAST, pace=Pace(0.2))
+    arms = {side: evolve(arm, options=slow) for side, arm in both_ready.arms.items()}
+    with networked_at(robot, two_arm_plan, lag_s=0.15) as network:
+        outcome = network.executor().execute(evolve(both_ready, arms=arms, apart_m=0.02))
+    assert outcome.is_success, outcome.failure
+    assert outcome.joint_deviation_rad > 0.02  # 15 mm of each tip from where it should be now
+
+
+def test_arms_that_may_be_too_near_to_each_other_are_stopped(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,
+    both_ready: ReadyTwoArmPlan,
+) -> None:
+    """As if they were proven to be 5 mm apart; each arm is near enough to its own path."""
+    near = evolve(both_ready, apart_m=0.005)
+    with networked_at(robot, two_arm_plan) as network:
+        network.robot.sag = {"left_w1": 0.008, "right_w1": 0.008}
+        outcome = network.executor().execute(near)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.ARMS_APART, outcome.failure
+    assert outcome.stop.bound == pytest.approx(0.002)
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """What is refused before anything is sent, by which finding, in which words."""
+
+    name: str
+    text: str
+    options: ExecutionOptions = FAST
+    right_w0_off: float = 0.0
+
+
+REFUSALS = [
+    Refusal("speed", "lower speed", evolve(FAST, pace=Pace(1.0))),
+    Refusal("tracking", "no tracking proof", evolve(FAST, response=Response((0.1, 0.2)))),
+    Refusal("start", "the right arm stands 0.100 rad from it", right_w0_off=0.1),
+]
+
+
+@pytest.mark.parametrize("refusal", REFUSALS, ids=lambda each: each.name)
+def test_what_cannot_be_executed_is_refused_and_nothing_is_sent(
+    both: Network, two_arm_plan: TwoArmPlan, refusal: Refusal
+) -> None:
+    both.robot.q["right_w0"] += refusal.right_w0_off
+    both.robot.goal["right_w0"] += refusal.right_w0_off
+    both.bus.clock.sleep(0.1)
+    found = both.executor(options=refusal.options).prepare(two_arm_plan)
+    assert found.ready is None
+    assert [finding.name for finding in found.failures] == [refusal.name]
+    assert refusal.text in found.failures[0].text
+    assert both.robot.commands == []
+
+
+def test_an_invalid_plan_is_refused(both: Network, two_arm_plan: TwoArmPlan) -> None:
+    broken = evolve(two_arm_plan, failure=PlanFailure("together", "no solution"))
+    with pytest.raises(SimulationError, match="cannot be executed: together: no solution"):
+        both.executor().execute(broken)
+    assert both.robot.commands == []
