@@ -295,6 +295,7 @@ def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     require(not shared, f"both arms handle {', '.join(map(str, sorted(shared)))}")
     for side, other in (LIMBS, LIMBS[::-1]):
         own = plan["plans"][side]
+        _require_steps(False, own["steps"])
         require(own["limb"] == side, f"the plan of the {side} arm is of the {own['limb']} arm")
         kept = {name: body for name, body in bodies.items() if name not in handled[other]}
         world = {**start, "scene": {**start["scene"], "bodies": kept}}

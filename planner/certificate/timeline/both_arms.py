@@ -46,6 +46,12 @@ APART_M = 1e-7
 SAME_TIME_S = 1e-9
 """Times on the clock that are nearer to each other are the same."""
 
+MAX_MERGED_S = 5e-9
+"""Maximum time from the first to the last of knots that count as one."""
+
+MIN_GRIP_S = 1e-3
+"""Minimum duration of a gripper action on the clock, in which what happens is compared."""
+
 MAX_CLOCK_S = 1e5
 
 
@@ -87,8 +93,10 @@ class BothArms:
     Attributes:
         robot: the chain from hand to hand.
         clusters: all trees.
-        steps: one for the bodies of both arms that stand at first, and one for each window.
-        numbers: None for the first, then the number of each window.
+        steps: one for the bodies of both arms that stand at first, one for each window, and one for
+            the bodies of both arms in each window in which a hand acts.
+        numbers: None for the first, then the number of the window of each.
+        windows: number of windows.
         duration_s: when the last step of both arms ends.
     """
 
@@ -117,7 +125,10 @@ class BothArms:
         self._timelines, self.clusters = timelines, Clusters()
         self.robot = HandToHand.of(*(timelines[side].robot for side in LIMBS))
         self._body, self._roots = body, dict[tuple[str, int, float, float], int]()
-        require(0.0 <= grip_s <= MAX_CLOCK_S, "the duration of gripper actions is malformed")
+        is_duration = MIN_GRIP_S <= grip_s <= MAX_CLOCK_S
+        require(is_duration, "the duration of gripper actions is malformed, or too short")
+        shoulders = {timelines[side].robot.chain[0] for side in LIMBS}
+        require(len(shoulders) == len(LIMBS), "both arms hang on one joint")
         self._clocks = {
             side: _Clock(timelines[side], np.array(begins_s[side], np.float64), grip_s)
             for side in LIMBS
@@ -128,17 +139,22 @@ class BothArms:
         windows = list(self._windows())
         margins = [0.0] * len(windows) if margins_m is None else margins_m
         require(len(margins) == len(windows), "the certificate has other windows")
+        self.windows = len(windows)
         for number, (begin_s, end_s) in enumerate(windows):
-            motion = self._motion(begin_s, end_s)
+            motion, label = self._motion(begin_s, end_s), _label(begin_s, end_s)
             hands = [self._clocks[side].hand(0.5 * (begin_s + end_s)) for side in LIMBS]
-            pairs = list(self._pairs(hands, end_s - begin_s, max(APART_M, margins[number])))
-            self.steps.append(Step(_label(begin_s, end_s), pairs, motion, motion.start[0]))
+            left, right = (list(self._of_side(*each)) for each in zip(LIMBS, hands, strict=True))
+            moving, standing = list[Pair](), list[Pair]()
+            for second, first in product(left, right):
+                kind, end = (
+                    (moving, end_s - begin_s) if first.level > second.level else (standing, 1.0)
+                )
+                kind.append(Pair(first, second, max(APART_M, margins[number]), 0.0, end))
+            self.steps.append(Step(label, moving, motion, motion.start[0]))
             self.numbers.append(number)
-
-    @property
-    def windows(self) -> int:
-        """Number of windows."""
-        return len(self.steps) - 1
+            if standing and any(hand.before is not hand.after for hand in hands):
+                self.steps.append(Step(f"{label}: bodies", standing, None, _still()))
+                self.numbers.append(number)
 
     def _windows(self) -> Iterator[tuple[float, float]]:
         cuts = [0.0, self.duration_s]
@@ -166,15 +182,6 @@ class BothArms:
                 )
 
     # What moves, and with what
-
-    def _pairs(self, hands: Sequence[_Hand], end_s: float, least_m: float) -> Iterator[Pair]:
-        """All pairs of one arm and its bodies with the other's, but of bodies that both stand."""
-        left, right = (
-            list(self._of_side(side, hand)) for side, hand in zip(LIMBS, hands, strict=True)
-        )
-        for second, first in product(left, right):
-            if first.level > second.level:
-                yield Pair(first, second, least_m, 0.0, end_s)
 
     def _of_side(self, side: str, hand: _Hand) -> Iterator[Mover]:
         timeline, other = self._timelines[side], self._timelines[_other(side)]
@@ -269,6 +276,9 @@ class BothArms:
         knots = np.concatenate([[begin_s, end_s], *(clock.knots_s for clock in clocks)])
         knots = np.unique(knots[(knots >= begin_s) & (knots <= end_s)])
         is_kept = np.diff(knots, append=np.inf) > SAME_TIME_S
+        firsts = knots[np.concatenate([[True], is_kept[:-1]])]
+        is_one = knots[is_kept] - firsts <= MAX_MERGED_S
+        require(is_one, f"{_label(begin_s, end_s)}: too many knots at one time")
         is_kept[-1] = False
         starts = knots[is_kept]
         times_s = np.append(starts, end_s) - begin_s
@@ -292,7 +302,10 @@ class _Clock:
         limb, count = timeline.robot.limb, len(timeline.situations) - 1
         is_whole = begins_s.shape == (count,) and np.isfinite(begins_s).all()
         require(is_whole, f"the times of the {limb} arm's steps are malformed")
-        require(len(timeline.motions) > 0, f"the {limb} arm does not move")
+        is_moving = any(each.duration_s > SAME_TIME_S for each in timeline.motions.values())
+        require(is_moving, f"the {limb} arm does not move")
+        is_cubic = all(each.derivatives.shape[1] == 4 for each in timeline.motions.values())
+        require(is_cubic, f"the {limb} arm has a motion that is not cubic")
         self._timeline = timeline
         self._moves: list[tuple[float, Polynomials]] = []
         self._grips: list[tuple[float, float, int]] = []
@@ -303,6 +316,9 @@ class _Clock:
                 f"step {number + 1} of the {limb} arm begins before the one before it ends",
             )
             begin_s = max(stated_s, now_s)
+            rates = timeline.situations[number].arm[1:]
+            is_resting = begin_s <= now_s + SAME_TIME_S or np.abs(rates) <= STATE_TOLERANCE
+            require(is_resting, f"the {limb} arm waits before step {number + 1} and does not rest")
             motion = timeline.motions.get(number)
             if motion is None:
                 now_s = begin_s + grip_s

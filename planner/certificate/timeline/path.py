@@ -199,7 +199,8 @@ def path_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any],
     """How far the tip is at most from its path.
 
     At every instant there is a point of the piece that belongs to the time, or of a neighbour, from
-    which the tip is no farther, in position and rotation at once.
+    which the tip is no farther, in position and rotation at once; and it passes the end of every
+    piece within the tolerance, in order. Whether it turns back within a piece is not judged.
 
     Args:
         robot: the robot.
@@ -224,12 +225,15 @@ def path_deviation(robot: Robot, motion: Polynomials, stated: Mapping[str, Any],
         gap = np.abs(before.rotations(last)[0] - after.rotations(first)[0]).max()
         require(max(gap_m, gap) <= MAX_GAP, f"{label}: its path has a gap")
     tolerance = Tolerance.of_file(stated["tolerance"], label)
-    off = _Follower(robot, motion, pieces, times_s).deviation(tolerance, label)
+    follower = _Follower(robot, motion, pieces, times_s)
+    off = follower.deviation(tolerance, label)
+    follower.require_ends(tolerance, label)
     if stated["speed_m_s"] is not None:
         speed_m_s = float(stated["speed_m_s"])
         require(0.0 < speed_m_s < np.inf, f"{label}: the speed that is set is malformed")
         slower = stated["slower_s"]  # files write arrays without rows by their shape
         rows = np.array([] if isinstance(slower, dict) else slower, np.float64).reshape(-1, 2)
+        require(np.isfinite(rows), f"{label}: the times at which it is slower are malformed")
         _require_speed(robot, motion, speed_m_s, rows, label)
     return off
 
@@ -257,6 +261,21 @@ class _Follower:
             )
             worst = Off(max(worst.distance_m, off.distance_m), max(worst.angle, off.angle))
         return worst
+
+    def require_ends(self, tolerance: Tolerance, label: str) -> None:
+        """Refuse a tip that does not pass the end of each piece within a tolerance."""
+        T = self.robot.tips(self.motion.at(self.times_s[1:]))
+        (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
+        for number, piece in enumerate(self.pieces):
+            last = np.ones(1)
+            Q, error_Q = piece.rotations(last)
+            away_m = norm_bound(p[number] - piece.at(last)) + 2.0 * (error_p + piece.rounding_m)
+            columns = (R[number] - Q)[:, :, tolerance.axes].reshape(1, -1)
+            away = norm_bound(columns) + 3.0 * (error_R + error_Q) + STATE_TOLERANCE
+            is_there = (away_m <= tolerance.position_m) & (
+                not tolerance.axes or tolerance.angles(away) <= tolerance.rotation_rad
+            )
+            require(is_there, f"{label}: the tip does not pass the end of piece {number + 1}")
 
     def _cells(self, number: int, tolerance: Tolerance) -> Cells:
         """The cells of the time of a piece, small enough to show that the tip is near."""
@@ -371,7 +390,8 @@ def _require_speed(
             f"{label}: the tip is over 2 % off its speed of {speed_m_s:g} m/s at "
             f"{starts[np.argmax(is_off)]:.4f} s",
         )
-        is_open = (mean + error > most) | (~may_be_slower & (mean - error < least))
+        is_shown = (mean + error <= most) & (may_be_slower | (mean - error >= least))
+        is_open = ~is_shown  # also where a number is not finite
         starts, ends = starts[is_open], ends[is_open]
         if not len(starts):
             return

@@ -14,7 +14,7 @@ import pytest
 from baxter_kin.errors import MissingLibraryError
 from planner import Manipulator, Scene
 from planner.errors import FreeMoveError
-from planner.motion import free_move, rrt
+from planner.motion import free_search, rrt
 from planner.motion.joint_move import plan_joint_move
 from planner.motion.rrt import search_corners
 from planner.pick_place.plan_builder import NoSolutionError, free_motion
@@ -49,7 +49,7 @@ def without_ompl(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def unled(monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion program finds nothing, so that only a search is left."""
-    monkeypatch.setattr(free_move, "led_around", lambda *_, **__: [])
+    monkeypatch.setattr(free_search, "led_around", lambda *_, **__: [])
 
 
 @pytest.mark.slow
@@ -94,7 +94,7 @@ def test_a_slower_motion_that_was_found_is_better_than_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     slow = plan_joint_move(ARM_LIMITS.q_min, ARM_LIMITS.q_max, ARM_LIMITS)
-    monkeypatch.setattr(free_move, "led_around", lambda *_, **__: [(slow,)])
+    monkeypatch.setattr(free_search, "led_around", lambda *_, **__: [(slow,)])
     assert plan(is_clear=lambda _: True) is slow
 
 

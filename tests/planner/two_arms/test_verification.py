@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,9 @@ def test_nothing_is_nearer_than_certified_and_hardly_farther(
     plan: TwoArmPlan = request.getfixturevalue(name)
     certificate = verify_both(plan)
     assert certificate.is_valid
-    assert certificate.apart_m[0][0] == "bodies of both arms at first"
+    labels = [label for label, _ in certificate.apart_m]
+    assert labels[0] == "bodies of both arms at first"
+    assert any(label.endswith(": bodies") for label in labels)  # where a hand acts
     measured, rng = Measured(plan, robot, manipulators), np.random.default_rng(5)
     times_s = np.linspace(0.0, plan.duration_s, 150).tolist()
     shares = rng.uniform(0.0, 1.0, len(times_s)).tolist()
@@ -174,6 +177,39 @@ def without_moves(document: Data) -> None:
     document["certificate"]["right"]["steps"] = []
 
 
+def another_kind(document: Data) -> None:
+    """Let a move be a motion of others, whose contacts and limits are the caller's word."""
+    move = next(step for step in plan_of(document)["steps"] if step["type"] == "Move")
+    move["type"] = "Motion"
+
+
+def of_no_length(document: Data) -> None:
+    """Let all moves of an arm take no time."""
+    for step in plan_of(document, "right")["steps"]:
+        if step["type"] == "Move":
+            given = step["trajectory"]
+            given["knots_s"] = given["knots_s"][:1]
+            given["j"] = {"shape": [0, 7]}
+            for name in "qva":
+                given[name] = given[name][:1]
+
+
+def waiting_at_speed(document: Data) -> None:
+    """Let an arm wait between two moves that it goes through at speed."""
+    steps = plan_of(document)["steps"]
+    number = next(
+        k
+        for k, (step, following) in enumerate(pairwise(steps))
+        if step["type"] == following["type"] == "Move"
+        and np.abs(step["trajectory"]["v"][-1]).max() > 0.01
+    )
+    begins = list(document["plan"]["begins_s"]["left"])
+    document["plan"]["begins_s"]["left"] = [
+        *begins[: number + 1],
+        *(begin_s + 1.0 for begin_s in begins[number + 1 :]),
+    ]
+
+
 def stating(**entries: Any) -> Change:
     return lambda document: document["plan"].update(entries)
 
@@ -196,11 +232,14 @@ def exchanged(document: Data) -> None:
 
 EDITS: dict[str, tuple[Change, str | None]] = {
     "a step begins too early": (later("left", 1, -0.2), "before the one before"),
-    "a step begins too late for the next one": (later("right", 2, 0.2), "before the one before"),
+    "a step begins too late for the next one": (later("right", 2, 0.2), "does not rest"),
     "an arm begins later": (all_later("left", 0.1), "windows|apart|ends too soon|malformed"),
     "times of other steps": (stating(begins_s={"left": [0.0], "right": [0.0]}), "malformed"),
     "times that are no numbers": (later("left", 0, float("nan")), "malformed"),
-    "grips take no time": (stating(grip_s=-0.1), "malformed"),
+    "grips take no time": (stating(grip_s=0.0), "too short"),
+    "a move of another kind": (another_kind, "no step of type Motion"),
+    "moves of no length": (of_no_length, None),
+    "a wait at speed": (waiting_at_speed, "does not rest"),
     "grips take longer": (stating(grip_s=0.7), "before the one before"),
     "another start of an arm": (turned("left_w0", 0.01), "does not begin where the arm is"),
     "both bodies at one place": (moved("left", "right"), None),
