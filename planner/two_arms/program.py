@@ -55,7 +55,7 @@ logger = logging.getLogger(__name__)
 INSTANTS, PAIRS = 140, 3
 """Number of instants of the clock at which the arms keep clear of each other, and of pairs at each:
 the nearest ones. In motions of 4 to 6 s these are 40 ms apart; with `MARGIN_TOLERANCE_M`, the proof
-found no contact in between in any of 24 solutions of the prototype."""
+found no contact in between in any of 24 solutions."""
 
 SETTLED, MAX_IN_VAIN = 0.01, 3
 """Share of its makespan by which a clear solution must change for another round, and maximum number
