@@ -68,7 +68,6 @@ class ClearanceChecker(OneLine):
         may_press: bool = True,
         held: Attachment | Iterable[Attachment] | None = None,
         supports: Iterable[PartContact | str] = (),
-        without: Arm | None = None,
     ) -> None:
         """Build the geometry of a situation.
 
@@ -81,7 +80,6 @@ class ClearanceChecker(OneLine):
             held: the body in the hand, or what is in the hands; both may hold one body.
             supports: what held bodies stood or will stand on, and may touch: pairs of parts, as
                 `part_contacts` gives them, or names of bodies, any part of which they may touch.
-            without: an arm that is left out, as if the robot did not have it.
 
         Raises:
             SceneError: when the touchable or the held body is not in the scene, another hand holds
@@ -93,9 +91,6 @@ class ClearanceChecker(OneLine):
         if held is None or isinstance(held, Attachment):
             held = () if held is None else (held,)
         attached = expect_all(held, Attachment, "held", SceneError)
-        ignored = frozenset[int]()
-        if without is not None:
-            ignored = shapes.of_arm(without)  # checks its class
         _check_situation(self.arms, scene, touchable, attached)
         touched = checked_supports(supports)
         self._held, self._supports, self._scene = attached, touched, scene
@@ -108,7 +103,6 @@ class ClearanceChecker(OneLine):
             may_press=may_press,
             held=attached,
             supports=touched,
-            without=without,
         )
         near = (
             ()
@@ -121,7 +115,7 @@ class ClearanceChecker(OneLine):
         own = [contact for body in hands for contact in Contact.of_supports(body, touched)]
         self.contacts: tuple[Contact, ...] = (*near, *own)
         self.robot: pin.Model = shapes.robot.model
-        self.shapes, pairs = shapes, ShapePairsBuilder(shapes, *self.arms, ignored=ignored)
+        self.shapes, pairs = shapes, ShapePairsBuilder(shapes, *self.arms)
         still = scene
         for body in hands:
             still = still.without(body)
@@ -179,12 +173,11 @@ class ClearanceChecker(OneLine):
                 T_base_link = other.with_tip(each.link).T_base_tip(q_other)
                 scene = scene.moved(each.body, T_base_link * each.T_link_body)
         return ClearanceChecker(
-            self.shapes,
+            self.shapes.without(other.side) if q_other is None else self.shapes,
             self._arm(side),
             scene,
             held=own,
             supports=self._supports,
-            without=other if q_other is None else None,
         )
 
     def _arm(self, side: str) -> Arm:

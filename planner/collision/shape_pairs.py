@@ -46,18 +46,17 @@ class ShapePairsBuilder:
         shapes: number of a whole part of a body -> its shape.
     """
 
-    def __init__(self, shapes: RobotShapes, *arms: Arm, ignored: Set[int] = frozenset()) -> None:
+    def __init__(self, shapes: RobotShapes, *arms: Arm) -> None:
         """Begin with the pairs of one arm or more and their robot.
 
         Args:
             shapes: the robot's shapes.
             arms: the arms that move.
-            ignored: numbers of the robot's shapes that are not checked against anything.
         """
-        self._robot, self._arms, self._ignored = shapes, arms, ignored
+        self._robot, self._arms = shapes, arms
         self.geometry: pin.GeometryModel = shapes.model.copy()
         own = dict.fromkeys(pair for arm in arms for pair in shapes.pairs_of(arm))
-        self.pairs: list[tuple[int, int]] = [pair for pair in own if ignored.isdisjoint(pair)]
+        self.pairs: list[tuple[int, int]] = list(own)
         self.link_shapes: list[LinkShape] = list(shapes.made)
         self.min_distances_m: dict[int, float] = {}
         self._part_of: dict[int, int] = {}  # number of a body's shape -> number of its part
@@ -119,7 +118,7 @@ class ShapePairsBuilder:
         """
         hands = hands or self._arms
         in_pieces = not _names_of(supports).isdisjoint(bodies)
-        links = self._robot.wholes.difference(self._ignored, *map(self._robot.of_hand, hands))
+        links = self._robot.wholes.difference(*map(self._robot.of_hand, hands))
         added = self.add_to(hands[0].tip_frame, body, T_tip_body, in_pieces=in_pieces)
         for index in added:
             self.pair_with_all(index, links, bodies, supports)

@@ -333,18 +333,17 @@ class _Carry:
         if qs is not None:
             yield qs
 
+    def _each_arm(self) -> Iterator[tuple[Arm, pin.SE3, JointLimits, FloatArray]]:
+        """Each arm, the pose of the body seen from its tip, its limits and where it starts."""
+        q_starts = np.split(self.q_start, 2)
+        yield from zip(self.mover.arms, self.T_tips_body, self.each_limits, q_starts, strict=True)
+
     def followed(
         self, parts: list[tuple[StraightLine, FloatArray]], reasons: list[str]
     ) -> FloatArray | None:
         """Both arms along lines of the body, by least-norm steps; None where one cannot follow."""
         found = []
-        for arm, T, limits, q in zip(
-            self.mover.arms,
-            self.T_tips_body,
-            self.each_limits,
-            np.split(self.q_start, 2),
-            strict=True,
-        ):
+        for arm, T, limits, q in self._each_arm():
             qs = [q]
             for line, fractions in parts:
                 carried = _CarriedLine(line, T.inverse())
@@ -362,13 +361,7 @@ class _Carry:
     def to_other_goals(self, eased: FloatArray, reasons: list[str]) -> Iterator[FloatArray]:
         """Guesses along joint lines to the nearest solutions of the goal, of each arm."""
         solutions = []
-        for arm, T, limits, q in zip(
-            self.mover.arms,
-            self.T_tips_body,
-            self.each_limits,
-            np.split(self.q_start, 2),
-            strict=True,
-        ):
+        for arm, T, limits, q in self._each_arm():
             found = sample_solutions(IKService(arm), self.goal * T.inverse())
             if not len(found):
                 reasons.append(f"no solution of the goal was found for the {arm.side} arm")

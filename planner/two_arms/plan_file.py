@@ -41,7 +41,7 @@ def save_two_arm_plan(
     Args:
         plan: the plan.
         path: the file.
-        certificate: the result of `planner.verification.certificate_of` for this plan.
+        certificate: the result of `planner.verification.certificate_of_both` for this plan.
 
     Raises:
         PlanFileError: when it cannot be written, or the plan contains something that a file cannot

@@ -109,10 +109,7 @@ def verify_both(
     """
     known = _known(plan, description)
     try:
-        witnesses = _witnesses(plan, known)
-        found = check_both(
-            two_arm_document(plan), known.text, body=body_of(known.text), certificates=witnesses
-        )
+        _, found = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:
         return TwoArmCertificate({}, plan.duration_s, str(cause), grip_s=plan.grip_s)
     between = found[BETWEEN]
@@ -140,10 +137,7 @@ def certificate_of_both(
     """
     known = _known(plan, description)
     try:
-        witnesses = _witnesses(plan, known)
-        check_both(
-            two_arm_document(plan), known.text, body=body_of(known.text), certificates=witnesses
-        )
+        witnesses, _ = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:
         raise TaskError(f"the plan cannot be certified: {cause}") from cause
     return {part: witness.for_file() for part, witness in witnesses.items()}
@@ -155,8 +149,10 @@ def _known(plan: TwoArmPlan, description: RobotDescription | None) -> RobotDescr
     return expect(known, RobotDescription, "description", TaskError)
 
 
-def _witnesses(plan: TwoArmPlan, known: RobotDescription) -> dict[str, Witness]:
-    """What leads the checker, for each arm and between both."""
+def _certified(
+    plan: TwoArmPlan, known: RobotDescription
+) -> tuple[dict[str, Witness], Mapping[str, Certified]]:
+    """What leads the checker, for each arm and between both, and what it certifies then."""
     document, body = two_arm_document(plan), body_of(known.text)
     if plan.failure is not None:
         raise NotCertifiedError(f"the plan says itself that it failed: {plan.failure}")
@@ -174,7 +170,7 @@ def _witnesses(plan: TwoArmPlan, known: RobotDescription) -> dict[str, Witness]:
         except NotShownError:
             if share == SHARES[-1]:
                 raise
-    return found
+    return found, check_both(document, known.text, body=body, certificates=found)
 
 
 def _of_arm(

@@ -30,12 +30,12 @@ from planner.certificate.clusters import Clusters
 from planner.certificate.errors import require
 from planner.certificate.intervals import Array, Interval, Pose, norm_bound
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import ARM_JOINTS, OTHER_LIMB, Robot
 from planner.certificate.rows import Mover, Pair, Step
 from planner.certificate.timeline.bodies import STATE_TOLERANCE, Situation
 from planner.certificate.timeline.steps import Timeline
 
-LIMBS = ("left", "right")
+LIMBS = tuple(OTHER_LIMB)
 
 BASE_LEVEL = ARM_JOINTS
 """The level of base along the chain from hand to hand."""
@@ -165,26 +165,26 @@ class BothArms:
                 yield begin_s, end_s
 
     def _at_first(self) -> Iterator[Pair]:
-        """Bodies that stand at first, which neither arm's timeline compares."""
-        left, right = (self._timelines[side].situations[0] for side in LIMBS)
-        names = [
-            [name for name in at if self._timelines[side].bodies.scene[name].is_movable]
-            for side, at in zip(LIMBS, (left.at, right.at), strict=True)
-        ]
-        for first, second in product(*names):
-            if first not in right.at and second not in left.at:
-                yield Pair(
-                    self._standing("right", second, right, 0.0),
-                    self._standing("left", first, left, 0.0),
-                    0.0,
-                    0.0,
-                    1.0,
-                )
+        """Bodies of both arms as they stand at first, which neither arm's timeline compares."""
+        left, right = (
+            [
+                self._placed(side, name, self._timelines[side].situations[0].at[name], 0, 0.0)
+                for name in self._names(side)
+            ]
+            for side in LIMBS
+        )
+        for second, first in product(left, right):
+            yield Pair(first, second, 0.0, 0.0, 1.0)
+
+    def _names(self, side: str) -> list[str]:
+        """The bodies that an arm handles, which are not in the other arm's world."""
+        theirs = self._timelines[OTHER_LIMB[side]].bodies.scene
+        return [name for name in self._timelines[side].bodies.scene if name not in theirs]
 
     # What moves, and with what
 
     def _of_side(self, side: str, hand: _Hand) -> Iterator[Mover]:
-        timeline, other = self._timelines[side], self._timelines[_other(side)]
+        timeline = self._timelines[side]
         for level in range(1, ARM_JOINTS + 1):
             root = self._link(side, level)
             if root is not None:
@@ -193,9 +193,8 @@ class BothArms:
         ways = hand.before.opening_m, hand.after.opening_m
         for finger in timeline.robot.fingers:
             yield Mover(finger, self._finger(side, finger, ways), _level(side, ARM_JOINTS))
-        for name in timeline.bodies.scene:
-            if name not in other.bodies.scene:
-                yield self._handled(side, name, hand)
+        for name in self._names(side):
+            yield self._handled(side, name, hand)
 
     def _handled(self, side: str, name: str, hand: _Hand) -> Mover:
         """A body that an arm handles, in its hand or where it stands."""
@@ -216,9 +215,6 @@ class BothArms:
             moved_m = float(norm_bound((ends[1].p - ends[0].p).magnitude))
         return self._placed(side, name, ends[0], 0, moved_m + APART_M)
 
-    def _standing(self, side: str, name: str, now: Situation, thicker_m: float) -> Mover:
-        return self._placed(side, name, now.at[name], 0, thicker_m)
-
     def _placed(self, side: str, name: str, T: Pose, level: int, thicker_m: float) -> Mover:
         """A body at a pose seen from a joint of the arm, or from base."""
         roots = []
@@ -231,12 +227,7 @@ class BothArms:
         """The tree of the links that a joint of an arm carries, without fingers."""
         key = side, level, 0.0, 0.0
         if key not in self._roots:
-            bodies = self._timelines[side].bodies
-            seen, roots = self._seen(side, level), []
-            for each in self._body.shapes:
-                where = bodies.robot.attached(each.link, bodies.places)
-                if where.level == level and where.finger is None:
-                    roots.append(self.clusters.add(each.shape, seen * where.T * each.T_link_shape))
+            roots = self._shapes(side, level, None, self._seen(side, level), 0.0)
             if not roots:
                 return None
             self._roots[key] = self.clusters.joined(roots)
@@ -244,22 +235,28 @@ class BothArms:
 
     def _finger(self, side: str, finger: str, ways_m: tuple[float, float]) -> int:
         """The tree of a finger that travels between two openings."""
-        timeline = self._timelines[side]
-        robot, bodies = timeline.robot, timeline.bodies
-        key = finger, ARM_JOINTS, *ways_m
+        robot, key = self._timelines[side].robot, (finger, ARM_JOINTS, *ways_m)
         if key not in self._roots:
             begin_m, end_m = ways_m
             thicker_m = 0.5 * abs(end_m - begin_m) + robot.skew * robot.stroke_m + APART_M
             at_m = robot.fingers[finger] * 0.5 * (begin_m + end_m)
             shift = Pose(Interval(np.eye(3)), Interval(np.array([0.0, at_m, 0.0])))
-            seen, roots = self._seen(side, ARM_JOINTS) * shift, []
-            for each in self._body.shapes:
-                where = robot.attached(each.link, bodies.places)
-                if where.finger == finger:
-                    wider = replace(each.shape, ball_m=each.shape.ball_m + thicker_m)
-                    roots.append(self.clusters.add(wider, seen * where.T * each.T_link_shape))
+            seen = self._seen(side, ARM_JOINTS) * shift
+            roots = self._shapes(side, ARM_JOINTS, finger, seen, thicker_m)
             self._roots[key] = self.clusters.joined(roots)
         return self._roots[key]
+
+    def _shapes(
+        self, side: str, level: int, finger: str | None, seen: Pose, thicker_m: float
+    ) -> list[int]:
+        """Trees of the shapes that a joint of an arm carries, of one finger or of none."""
+        bodies, roots = self._timelines[side].bodies, []
+        for each in self._body.shapes:
+            where = bodies.robot.attached(each.link, bodies.places)
+            if (where.level, where.finger) == (level, finger):
+                shape = replace(each.shape, ball_m=each.shape.ball_m + thicker_m)
+                roots.append(self.clusters.add(shape, seen * where.T * each.T_link_shape))
+        return roots
 
     def _seen(self, side: str, level: int) -> Pose:
         """The frame of a joint of an arm, or of base, seen from the chain's frame of that link."""
@@ -371,10 +368,6 @@ class _Clock:
 def _level(side: str, level: int) -> int:
     """Where a joint of an arm, or base, is along the chain from hand to hand."""
     return BASE_LEVEL - level if side == "left" else BASE_LEVEL + level
-
-
-def _other(side: str) -> str:
-    return LIMBS[1 - LIMBS.index(side)]
 
 
 def _label(begin_s: float, end_s: float) -> str:

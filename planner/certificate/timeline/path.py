@@ -15,6 +15,7 @@ from planner.certificate.intervals import (
     UNIT,
     Array,
     Interval,
+    Pose,
     axis_angle,
     norm_bound,
     turns_about,
@@ -286,44 +287,43 @@ class _Follower:
             bends = max(bend_m / tolerance.position_m, bend / tolerance.rotation_rad)
             if bends > MAX_BEND and count < CELLS[-1]:
                 continue
-            cells = self._off_piece(number, times_s, tolerance)
+            followed = self.robot.tips(self.motion.at(times_s)), (bend_m, bend)
+            cells = _off_piece(self.pieces[number], *followed, tolerance)
             for beside in (number - 1, number + 1):
                 if (cells.share > 1.0).any() and 0 <= beside < len(self.pieces):
-                    cells = cells.or_of(self._off_piece(beside, times_s, tolerance))
+                    cells = cells.or_of(_off_piece(self.pieces[beside], *followed, tolerance))
             if (cells.share <= 1.0).all() or (cells.at_ends > 1.0).any():
                 break  # otherwise smaller cells may show it
         return cells
 
-    def _off_piece(self, number: int, times_s: Array, tolerance: Tolerance) -> Cells:
-        """How far the tip is from a piece in cells between successive times.
 
-        To each time belongs a share of the piece, whichever; in between it changes evenly. The
-        vector from the point at that share to the tip is, in a cell, no longer than at either end,
-        as lengths are convex, plus by what both are off their chords: the tip by `chord_errors`;
-        the point by the bend of the piece, times the square of the change of the share, / 8; the
-        entries of its rotation together by sqrt(2) / 8 of the square of the turn.
-        """
-        piece = self.pieces[number]
-        bend_m, bend = chord_errors(self.robot, self.motion, times_s)
-        T = self.robot.tips(self.motion.at(times_s))
-        (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
-        s = _shares(piece, p, R, tolerance)
-        change = np.abs(np.diff(s))
-        away_m = norm_bound(p - piece.at(s)) + 2.0 * (error_p + piece.rounding_m)
-        away_m = np.maximum(away_m[:-1], away_m[1:])
-        distance_m = away_m + (bend_m + piece.bend_m * change**2 / 8.0) * (1.0 + 1e-9)
-        angle, at_ends = np.zeros(len(change)), away_m / tolerance.position_m
-        share = distance_m / tolerance.position_m
-        if tolerance.axes:
-            Q, error_Q = piece.rotations(s)
-            columns = (R - Q)[:, :, tolerance.axes].reshape(len(s), -1)
-            away = norm_bound(columns) + 3.0 * (error_R + error_Q) + STATE_TOLERANCE
-            away = np.maximum(away[:-1], away[1:])
-            sag = (bend + 0.17678 * (piece.angle * change) ** 2) * (1.0 + 1e-9)
-            angle = tolerance.angles(away + sag)
-            share = np.maximum(share, angle / tolerance.rotation_rad)
-            at_ends = np.maximum(at_ends, tolerance.angles(away) / tolerance.rotation_rad)
-        return Cells(distance_m, angle, share, at_ends)
+def _off_piece(piece: Piece, T: Pose, bends: tuple[float, float], tolerance: Tolerance) -> Cells:
+    """How far the tip is from a piece in cells between successive times, where it has poses T.
+
+    To each time belongs a share of the piece, whichever; in between it changes evenly. The vector
+    from the point at that share to the tip is, in a cell, no longer than at either end, as lengths
+    are convex, plus by what both are off their chords: the tip by the bends that `chord_errors`
+    gives; the point by the bend of the piece, times the square of the change of the share, / 8; the
+    entries of its rotation together by sqrt(2) / 8 of the square of the turn.
+    """
+    (bend_m, bend), (p, error_p), (R, error_R) = bends, T.p.centred(), T.R.centred()
+    s = _shares(piece, p, R, tolerance)
+    change = np.abs(np.diff(s))
+    away_m = norm_bound(p - piece.at(s)) + 2.0 * (error_p + piece.rounding_m)
+    away_m = np.maximum(away_m[:-1], away_m[1:])
+    distance_m = away_m + (bend_m + piece.bend_m * change**2 / 8.0) * (1.0 + 1e-9)
+    angle, at_ends = np.zeros(len(change)), away_m / tolerance.position_m
+    share = distance_m / tolerance.position_m
+    if tolerance.axes:
+        Q, error_Q = piece.rotations(s)
+        columns = (R - Q)[:, :, tolerance.axes].reshape(len(s), -1)
+        away = norm_bound(columns) + 3.0 * (error_R + error_Q) + STATE_TOLERANCE
+        away = np.maximum(away[:-1], away[1:])
+        sag = (bend + 0.17678 * (piece.angle * change) ** 2) * (1.0 + 1e-9)
+        angle = tolerance.angles(away + sag)
+        share = np.maximum(share, angle / tolerance.rotation_rad)
+        at_ends = np.maximum(at_ends, tolerance.angles(away) / tolerance.rotation_rad)
+    return Cells(distance_m, angle, share, at_ends)
 
 
 def _shares(piece: Piece, p: Array, R: Array, tolerance: Tolerance) -> Array:
