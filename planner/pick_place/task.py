@@ -209,7 +209,7 @@ class Leg(NamedTuple):
         return bool(z > 0.0 and math.hypot(x, y) <= MAX_SLOPE * z)
 
 
-def _inwards(
+def inwards(
     stages: tuple[str, str], T_base_tip: pin.SE3, approach: Sequence[Line]
 ) -> Iterator[Leg]:
     """The free leg to the lines of an approach, and those along them, which end at rest."""
@@ -221,7 +221,7 @@ def _inwards(
         yield Leg(numbered(stage, k), stage, near, (near, far), rests=True)
 
 
-def _outwards(
+def outwards(
     stage: str, T_base_tip: pin.SE3, retreat: Sequence[Line], *, rests: bool
 ) -> Iterator[Leg]:
     """The legs away from a pose; all but the last end at rest, and that one if `rests`."""
@@ -296,10 +296,10 @@ class PickAndPlace:
         retreat = retreat or back_along(approach or down)
         place_retreat = place_retreat or back_along(place_approach or hover)
         return (
-            *_inwards(("pick: approach", "pick: descend"), pick, approach or down),
-            *_outwards("pick: retract", pick, retreat, rests=False),
-            *_inwards(("place: approach", "place: descend"), place, place_approach or down),
-            *_outwards("place: retract", place, place_retreat, rests=True),
+            *inwards(("pick: approach", "pick: descend"), pick, approach or down),
+            *outwards("pick: retract", pick, retreat, rests=False),
+            *inwards(("place: approach", "place: descend"), place, place_approach or down),
+            *outwards("place: retract", place, place_retreat, rests=True),
         )
 
     @property
@@ -332,6 +332,8 @@ class PlanRequest:
             hand from what it grasps, and links up to two joints apart.
         held: what the other hand holds.
         line_tolerance: maximum deviation of the tip from its straight lines.
+        in_air: the end of the task, "pick" or "place", at which the other hand holds the body, too,
+            in the air; "" where there is none.
     """
 
     manipulator: Manipulator
@@ -340,3 +342,4 @@ class PlanRequest:
     margin_m: float = 0.0
     held: tuple[Attachment, ...] = ()
     line_tolerance: LineTolerance = DEFAULT_TOLERANCE
+    in_air: str = ""

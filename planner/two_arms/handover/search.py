@@ -1,0 +1,301 @@
+"""plan_handover: one arm picks a body up, hands it over in the air, the other one puts it down.
+
+Where both hands meet follows from a small program of both arms' shortest motions
+(`planner.two_arms.handover.meeting`), for each pair of grasps that keep the hands apart. There, the
+giver's cycle ends in the air, and the taker's begins there: two ordinary cycles of one arm each, in
+a world without the other arm. On the common clock,
+
+- the taker's hand begins its line to the body when the giver has arrived, or later,
+- the giver's hand opens when the taker's has closed,
+- the taker leaves when the giver's hand is open, and begins to leave, or later.
+
+The earliest times of these that are clear are taken. Where none is, the next candidate is tried.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice, product
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import LIMBS, other_than
+from baxter_kin.validation import expect
+from planner.clearance import ContinuousContact
+from planner.collision.context import CollisionContext
+from planner.completion import after, state_of
+from planner.errors import TaskError
+from planner.grasping.grasp import Grasp
+from planner.manipulator import Manipulator
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
+from planner.plan import Grip, Move, Plan, PlanFailure
+from planner.state import State
+from planner.two_arms.across import BetweenArms, HandState
+from planner.two_arms.handover.grasps import GraspPair, centred, grasp_pairs
+from planner.two_arms.handover.meeting import Ends, Meeting, meetings
+from planner.two_arms.handover.task import Giving, Handover, Taking
+from planner.two_arms.plan import TwoArmPlan, begins_of, duration_of
+from planner.two_arms.problem import NOT_PROVEN, ArmCycle, Problem, with_proof
+from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
+
+logger = logging.getLogger(__name__)
+
+MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 12, 2, 3, 8
+"""Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
+of each that are compared; and of meetings that are tried."""
+
+LOOK_S = 0.02
+"""Step of the times at which both arms are looked at before a proof."""
+
+LEAVING = (0.0, 0.5, 1.0)
+"""Shares of the giver's line away that are past when the taker leaves, in the order of trial."""
+
+
+class Candidate(NamedTuple):
+    """A meeting with grasps.
+
+    Attributes:
+        grasps: of both hands.
+        meeting: where they meet.
+        is_clear: whether both arms are, as the meeting has them.
+    """
+
+    grasps: GraspPair
+    meeting: Meeting
+    is_clear: bool
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """The smaller, the better."""
+        return not self.is_clear, self.meeting.duration_s
+
+
+def plan_handover(
+    task: Handover,
+    manipulators: Mapping[str, Manipulator],
+    state: State,
+    *,
+    margin_m: float = 0.0,
+    grip_s: float = DEFAULT_GRIP_S,
+    line_tolerance: LineTolerance = DEFAULT_TOLERANCE,
+    may_withdraw: bool = True,
+) -> TwoArmPlan:
+    """Plan a handover: pick by one arm, handover in the air, place by the other arm.
+
+    Args:
+        task: what goes where.
+        manipulators: "left" and "right": the arms, of the same robot.
+        state: robot and bodies; both hands are empty.
+        margin_m: distance that is proven to be kept from everything, as in `plan_together`.
+        grip_s: duration of a gripper action on the clock, likewise.
+        line_tolerance: maximum deviation of a tip from its straight lines.
+        may_withdraw: whether the giver may go on to neutral or to where it began, when it would be
+            in the taker's way.
+
+    Returns:
+        A plan; an invalid one that says why when there is none.
+
+    Raises:
+        TaskError: when an argument has the wrong type, an arm is missing, the body cannot be moved,
+            a hand is not empty, or `grip_s` is too short.
+        SceneError: when the body is not in the scene.
+        ConfigurationError: when an arm is outside its limits.
+        MotionError: when the margin or the tolerance is invalid.
+    """
+    expect(task, Handover, "task", TaskError)
+    problem = checked_problem(
+        dict.fromkeys(LIMBS, frozenset({task.body})),
+        manipulators,
+        state,
+        margin_m=margin_m,
+        grip_s=grip_s,
+        line_tolerance=line_tolerance,
+        may_withdraw=may_withdraw,
+    )
+    return HandoverSearch(problem, task).plan()
+
+
+class HandoverSearch:
+    """The search for one handover."""
+
+    def __init__(self, problem: Problem, task: Handover) -> None:
+        """Store a checked problem, and the task."""
+        self._problem, self._task = problem, task
+        self._arms = problem.manipulators[task.giver], problem.manipulators[task.taker]
+        self._body = problem.state.scene[task.body]
+        self._failure = PlanFailure("handover", "no two grasps keep the hands apart")
+        scene = problem.state.scene.without(task.body)
+        self._own = [
+            evolve(each, shapes=each.shapes.without(other_than(each.arm.side))).context(
+                scene, margin_m=problem.requirements.margin_m
+            )
+            for each in self._arms
+        ]
+
+    def plan(self) -> TwoArmPlan:
+        """The plan, or why there is none."""
+        for candidate in islice(self._candidates(), MAX_TRIED):
+            plan = self._planned(candidate)
+            if plan is not None:
+                return plan
+        return self._problem.failed(self._failure)
+
+    def _candidates(self) -> Iterator[Candidate]:
+        """Meetings, the best of every few pairs of grasps first."""
+        task, problem = self._task, self._problem
+        given = []
+        for manipulator, T in zip(self._arms, (task.T_body_giver, task.T_body_taker), strict=True):
+            in_middle = None if T is None else centred(manipulator, self._body, T)
+            if T is not None and in_middle is None:
+                reason = f"the {manipulator.arm.side} hand misses {task.body} at its grasp"
+                self._failure = PlanFailure("handover", reason, is_certain=True)
+                return
+            given.append(in_middle)
+        pairs = grasp_pairs(
+            self._arms, problem.state.scene, self._body, task.T_base_goal, (given[0], given[1])
+        )
+        pairs = islice(pairs, MAX_PAIRS)
+        while some := list(islice(pairs, AT_ONCE)):
+            yield from sorted(
+                (each for pair in some for each in self._meetings(pair)), key=lambda each: each.rank
+            )
+
+    def _meetings(self, grasps: GraspPair) -> Iterator[Candidate]:
+        arms, task = self._arms, self._task
+        ends = Ends(
+            tuple(self._problem.state.q(each.arm.joint_names) for each in arms),
+            (self._body.T_base_body, task.T_base_goal),
+            tuple(T.inverse() for T in grasps),
+        )
+        self._failure = PlanFailure("handover", "no place was found that both hands reach")
+        context = self._context(grasps)
+        for meeting in islice(meetings(arms, ends, task.where), MAX_MEETINGS):
+            q = dict(zip((task.giver, task.taker), meeting.q, strict=True))
+            is_clear = context.is_free(np.concatenate([q[side] for side in LIMBS])) and all(
+                own.is_free(q) for own, q in zip(self._own, meeting.q, strict=True)
+            )
+            yield Candidate(grasps, meeting, is_clear)
+
+    def _context(self, grasps: GraspPair) -> CollisionContext:
+        """Both arms and hands against each other, without the body, while they meet."""
+        problem, task = self._problem, self._task
+        giver, taker = self._arms
+        grasp = giver.hand.close_on(
+            self._body.T_base_body * grasps.T_body_giver, self._body, giver.hand.stroke_m
+        )
+        closed_m = grasp.finger_m if isinstance(grasp, Grasp) else 0.0
+        opening_m = {task.giver: closed_m, task.taker: taker.hand.stroke_m}
+        states = tuple(HandState(opening_m[side], 0.0, ()) for side in LIMBS)
+        checker = BetweenArms(giver.shapes, problem.manipulators, (states[0], states[1]))
+        full = np.array(giver.robot.configuration(dict(problem.state.joints)))
+        for side in LIMBS:
+            manipulator = problem.manipulators[side]
+            fingers = manipulator.hand.finger_joints(opening_m[side])
+            full[list(manipulator.robot.indices(tuple(fingers)))] = list(fingers.values())
+        return CollisionContext(checker, full, margin_m=problem.requirements.margin_m)
+
+    def _planned(self, candidate: Candidate) -> TwoArmPlan | None:
+        """The plan of a handover at a meeting; None where there is none, with the reason."""
+        task, problem = self._task, self._problem
+        T_body_giver, T_body_taker = candidate.grasps
+        T_meet = candidate.meeting.T_base_body
+        giving = Giving(
+            task.body,
+            self._body.T_base_body * T_body_giver,
+            T_meet * T_body_giver,
+            task.hover_m,
+            task.clear_m,
+            reach_m=task.reach_m,
+        )
+        none: frozenset[str] = frozenset()
+        giver = ArmCycle.of(
+            *(giving, self._arms[0], problem.state, none, problem.requirements),
+            in_air="place",
+        )
+        if self._failed(giver.plan, task.giver):
+            return None
+        handed = self._handed(giver.plan)
+        taking = Taking(
+            task.body,
+            handed * T_body_taker,
+            task.T_base_goal * T_body_taker,
+            task.hover_m,
+            task.clear_m,
+            reach_m=task.reach_m,
+        )
+        there = evolve(problem.state, scene=problem.state.scene.moved(task.body, handed))
+        taker = ArmCycle.of(
+            *(taking, self._arms[1], there, none, problem.requirements), in_air="pick"
+        )
+        if self._failed(taker.plan, task.taker):
+            return None
+        plans = {task.giver: giver.plan, task.taker: taker.plan}
+        return self._timed({side: plans[side] for side in LIMBS})
+
+    def _failed(self, plan: Plan, side: str) -> bool:
+        if plan.failure is None:
+            return False
+        logger.debug("the %s arm: %s", side, plan.failure)
+        self._failure = evolve(plan.failure, reason=f"the {side} arm: {plan.failure.reason}")
+        return True
+
+    def _handed(self, plan: Plan) -> pin.SE3:
+        """The pose of the body when the giver has released it."""
+        release = next(step for step in plan if isinstance(step, Grip) and step.receiver)
+        state = after(release, state_of(release), self._arms[0])
+        return state.scene[self._task.body].T_base_body
+
+    def _timed(self, plans: Mapping[str, Plan]) -> TwoArmPlan | None:
+        """The plan of both arms with the earliest times that are clear."""
+        problem, task = self._problem, self._task
+        across = problem.across(plans)
+        for share, is_late in product(LEAVING, (False, True)):
+            begins = begins_of_handover(
+                plans[task.giver], plans[task.taker], problem.requirements.grip_s, share, is_late
+            )
+            begins_s = dict(zip((task.giver, task.taker), begins, strict=True))
+            plan = TwoArmPlan(
+                problem.state, plans, begins_s, problem.requirements.grip_s, None, NOT_PROVEN
+            )
+            if not across.looks_clear(plan, LOOK_S):
+                continue
+            proven = with_proof(plan, across)
+            if not isinstance(proven, ContinuousContact):
+                return proven
+            self._failure = PlanFailure("handover", str(proven), contact=proven)
+        return None
+
+
+def begins_of_handover(
+    giver: Plan, taker: Plan, grip_s: float, share: float, is_late: bool
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """When each step of the giver and the taker begins on the clock, as early as possible.
+
+    Args:
+        giver: its plan, with one release to the other hand.
+        taker: its plan, whose first closing is on the same body.
+        grip_s: duration of a gripper action.
+        share: of the giver's line away that is past when the taker leaves.
+        is_late: whether the taker begins to move when the giver has arrived; otherwise so that its
+            line to the body begins then.
+    """
+    gives = next(k for k, s in enumerate(giver) if isinstance(s, Grip) and s.receiver)
+    takes = next(k for k, s in enumerate(taker) if isinstance(s, Grip) and s.body is not None)
+    first = next(k for k, s in enumerate(taker) if isinstance(s, Move))
+    own, other = begins_of(giver, grip_s, {}), begins_of(taker, grip_s, {})
+    arrives_s = own[gives]
+    begins_s = arrives_s if is_late else arrives_s - (other[takes - 1] - other[first])
+    starts_late_s = max(0.0, begins_s - other[first])
+    closed_s = other[takes] + starts_late_s + grip_s
+    opens_s = max(arrives_s, closed_s)
+    leaves_s = opens_s + grip_s + share * duration_of(giver.steps[gives + 1], grip_s)
+    waits = {first: starts_late_s, takes + 1: leaves_s - closed_s}
+    return (
+        begins_of(giver, grip_s, {gives: opens_s - arrives_s}),
+        begins_of(taker, grip_s, waits),
+    )
