@@ -28,6 +28,11 @@ arm begin on the clock, s), `grip_s` (how long each gripper action takes on the 
 `failure`; `states` has those of each arm. Its certificate has an entry as above for each arm, in a
 world without the other arm and without the bodies that the other arm handles, and one, `between`,
 whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
+
+A gripper action of a plan of both arms that opens may have a `receiver`: the other arm, which holds
+the body then. The giver handles no body after that, and the receiver none before. The start of the
+receiver's own plan states where the body is handed over; in both worlds it stands there, when the
+giver has released it and before the receiver takes it.
 """
 
 from __future__ import annotations
@@ -44,7 +49,7 @@ import numpy as np
 
 from planner.certificate.body import Body
 from planner.certificate.errors import NotCertifiedError, require
-from planner.certificate.robot import Robot
+from planner.certificate.robot import OTHER_LIMB, Robot
 from planner.certificate.rows import BY_MIDDLES, Advice, Trace, certified_m
 from planner.certificate.timeline import MOTION, Limits, StepWitness, Timeline
 from planner.certificate.timeline.both_arms import LIMBS, BothArms
@@ -291,18 +296,41 @@ def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         side: {step["body"] for step in plan["plans"][side]["steps"] if step["type"] == "Grip"}
         for side in LIMBS
     }
-    shared = (handled["left"] & handled["right"]) - {None}
+    given = {side: handed_over(plan["plans"][side]["steps"], side) for side in LIMBS}
+    handed = given["left"] | given["right"]
+    shared = (handled["left"] & handled["right"]) - {None} - handed
     require(not shared, f"both arms handle {', '.join(map(str, sorted(shared)))}")
     for side, other in (LIMBS, LIMBS[::-1]):
         own = plan["plans"][side]
         _require_steps(False, own["steps"])
         require(own["limb"] == side, f"the plan of the {side} arm is of the {own['limb']} arm")
-        kept = {name: body for name, body in bodies.items() if name not in handled[other]}
+        theirs = handled[other] - given[side]
+        kept = {name: body for name, body in bodies.items() if name not in theirs}
+        for name in given[other]:
+            there = own["start"]["scene"]["bodies"][name]
+            kept[name] = {**bodies[name], "T_base_body": there["T_base_body"]}
         world = {**start, "scene": {**start["scene"], "bodies": kept}}
         states = document["states"][side]
         require(isinstance(states, list), "the states of the plan are malformed")
         found[side] = {"plan": {**own, "start": world}, "states": states}
     return found
+
+
+def handed_over(steps: Sequence[Mapping[str, Any]], side: str) -> set[str]:
+    """The body that an arm hands over to the other one, at the end of what it handles; or none.
+
+    Raises:
+        NotCertifiedError: when it handles a body after that, or the receiver is not the other arm.
+    """
+    grips = [step for step in steps if step["type"] == "Grip" and step["body"] is not None]
+    given = [step for step in grips if step.get("receiver")]
+    if not given:
+        return set()
+    is_last = given == grips[-1:] and given[0]["action"] == "OPEN"
+    require(is_last, f"the {side} arm handles a body after it has handed one over")
+    receiver = given[0]["receiver"]
+    require(receiver == OTHER_LIMB[side], f"the {side} arm hands a body over to {receiver!r}")
+    return {given[0]["body"]}
 
 
 def _certified(timeline: Timeline | BothArms, body: Body, certificate: Witness) -> Certified:
