@@ -404,6 +404,9 @@ class Simulation(OneLine):
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
+        elif any(held.body == name for held in world.held):
+            timeline.released(limb, name)
+            yield self._slide(limb, finger_m)
         else:
             timeline.released(limb, name)
             rest = world.rest(name)

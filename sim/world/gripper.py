@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import OneLine, millimetres, phrase
-from baxter_kin.fields import array, frozen
+from baxter_kin.fields import array, evolve, frozen
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Box, Part
 from planner.grasping import Grasp
@@ -219,6 +219,8 @@ def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
     if stop is None:
         return squeeze.missed(_nothing(squeeze, wanted))
     first, second = stop
+    if first.is_finger and second.name in {each.body for each in world.held}:
+        return _on_held(second, squeeze)
     if first.is_held_by(second) or second.is_held_by(first):
         return _between(first if second.is_finger else second, squeeze)
     return squeeze.missed(_blocked(first, second, squeeze))
@@ -241,6 +243,23 @@ def _between(slider: Slider, squeeze: Squeeze) -> Closing:
     if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
         text = f"the fingers touch {slider.name} outside of their pads"
         found = Miss(MissKind.EDGE, text, slider.name, 0.0)
+    return squeeze.missed(found)
+
+
+def _on_held(slider: Slider, squeeze: Squeeze) -> Closing:
+    """The closing on a body in the other hand, which does not give way; both then hold it."""
+    found = squeeze.close_on(slider.name)
+    if isinstance(found, Grasp) and abs(found.push_m) <= PRESSING_TOLERANCE_M:
+        squeeze.finger_m = found.finger_m
+        T_tip_body = squeeze.T_base_tip.inverse() * squeeze.world.body(slider.name).T_base_body
+        grasp = evolve(found, T_tip_body=T_tip_body)
+        return Closing(found.finger_m, slider.name, grasp, pushes=squeeze.pushes)
+    if not isinstance(found, Miss):
+        text = (
+            f"one finger would push {slider.name} by {1e3 * abs(found.push_m):.1f} mm, and the "
+            "other hand holds it"
+        )
+        found = Miss(MissKind.BLOCKED, text, slider.name)
     return squeeze.missed(found)
 
 
@@ -317,14 +336,15 @@ class Squeeze:
     Attributes:
         world: the robot and the bodies.
         finger_m: where the fingers are.
+        T_base_tip: pose of the hand.
     """
 
     def __init__(self, world: World, side: str) -> None:
         """Start where the fingers of a hand are now."""
         self.world, self.finger_m = world, world.finger_m(side)
-        self._hand, self._T_base_tip = world.hands[side], world.T_base_tip(side)
+        self._hand, self.T_base_tip = world.hands[side], world.T_base_tip(side)
         self._begin_m = self.finger_m
-        self._lift = PRESSING_TOLERANCE_M * (self._T_base_tip.rotation.T @ UP)
+        self._lift = PRESSING_TOLERANCE_M * (self.T_base_tip.rotation.T @ UP)
         self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
         self._sliders = [
             Slider(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
@@ -334,7 +354,7 @@ class Squeeze:
         ]
         held = {each.body for each in world.held}
         for body in world.scene:
-            T_tip_body = self._T_base_tip.inverse() * body.T_base_body
+            T_tip_body = self.T_base_tip.inverse() * body.T_base_body
             parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
             is_movable = body.is_movable and body.name not in held
             self._sliders.append(Slider(body.name, parts, is_movable=is_movable))
@@ -357,7 +377,7 @@ class Squeeze:
 
     def close_on(self, name: str) -> Grasp | Miss:
         """The hand's own prediction for one body, from where the fingers began."""
-        return self._hand.close_on(self._T_base_tip, self.world.body(name), self._begin_m)
+        return self._hand.close_on(self.T_base_tip, self.world.body(name), self._begin_m)
 
     def missed(self, miss: Miss) -> Closing:
         """The closing that ends here with a miss."""
@@ -380,7 +400,7 @@ class Squeeze:
                 by=slider.by,
                 begin_m=slider.begin_m,
                 end_m=self.finger_m,
-                axis_base=slider.sign * self._T_base_tip.rotation[:, 1],
+                axis_base=slider.sign * self.T_base_tip.rotation[:, 1],
                 T_base_begin=self.world.body(slider.name).T_base_body,
                 is_riding=slider.is_riding,
             )

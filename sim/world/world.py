@@ -284,16 +284,21 @@ class World(OneLine):
         Raises:
             SceneError: when the body is not there.
             PoseError: when the pose is not a valid one.
-            SimulationError: when it is not movable, is in a hand already, or the hand is full.
+            SimulationError: when it is not movable, the hand is full, or the other hand holds the
+                body elsewhere.
         """
         if not self.body(name).is_movable:
             raise SimulationError(f"{quoted(name)} is not movable")
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
-        self._refuse_held(name)
-        self._held[side] = Attachment(
-            name, self.robot.arm(side).tip_frame, checked_pose(T_tip_body)
-        )
+        T = checked_pose(T_tip_body)
+        if any(held.body == name for held in self._held.values()) and not np.allclose(
+            (self.T_base_tip(side) * T).homogeneous,
+            self._poses[name].homogeneous,
+            atol=PRESSING_TOLERANCE_M,
+        ):
+            raise SimulationError(f"{quoted(name)} is in the other hand, elsewhere; open it first")
+        self._held[side] = Attachment(name, self.robot.arm(side).tip_frame, T)
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 
