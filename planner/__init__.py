@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
+    from planner.two_arms.handover.search import plan_handover as plan_handover
+    from planner.two_arms.handover.task import Handover as Handover
     from planner.two_arms.pair_move import PairMove as PairMove
     from planner.two_arms.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
@@ -101,6 +103,7 @@ __all__, __getattr__ = lazy(
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",
+        "Handover": "planner.two_arms.handover.task",
         "Line": "planner.pick_place.task",
         "LineTolerance": "planner.motion.paths.straight_line",
         "Manipulator": "planner.manipulator",
@@ -142,6 +145,7 @@ __all__, __getattr__ = lazy(
         "make_block": "planner.scene.objects",
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
+        "plan_handover": "planner.two_arms.handover.search",
         "plan_joint_move": "planner.motion.joint_move",
         "plan_pair_move": "planner.two_arms.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",

@@ -404,7 +404,7 @@ class Simulation(OneLine):
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
-        elif any(held.body == name for held in world.held):
+        elif world.is_held(name):
             timeline.released(limb, name)
             yield self._slide(limb, finger_m)
         else:

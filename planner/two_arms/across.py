@@ -48,7 +48,7 @@ from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairsBuilder
 from planner.completion import after, state_of
 from planner.manipulator import Manipulator
-from planner.plan import Grip, Plan, Step
+from planner.plan import Grip, Plan
 from planner.scene.bodies import Body
 from planner.state import State
 from planner.trajectory import between
@@ -118,6 +118,7 @@ def episodes_of(
     """
     episodes: list[Episode] = []
     mine, waiting = set(names).difference(received), set(received)
+    has_received = False
     for number, step in enumerate(plan):
         gets, gives = set[str](), set[str]()
         if isinstance(step, Grip) and step.body is not None:
@@ -131,17 +132,12 @@ def episodes_of(
         if episodes and not is_grip and not episodes[-1].is_grip:
             episodes[-1] = episodes[-1]._replace(last=number)
         else:
-            has_received = number > 0 and _body_of(plan.steps[number - 1]) in received
             waits_before = has_received or (is_grip and not gives)
             episodes.append(Episode(number, number, is_grip, state, waits_before))
         mine |= gets
         waiting -= gets
+        has_received = bool(gets)
     return tuple(episodes)
-
-
-def _body_of(step: Step) -> str | None:
-    """The body that a gripper action grasps or releases."""
-    return step.body if isinstance(step, Grip) else None
 
 
 def _hand_state(

@@ -105,9 +105,7 @@ def checked_problem(
 ) -> Problem:
     """The problem that the arguments of `plan_together` state; its errors.
 
-    Args:
-        handled: names of the bodies that each arm handles.
-        manipulators: and all others as there.
+    `handled` has the names of the bodies that each arm handles.
     """
     arms = {
         side: expect(arm, Manipulator, f"manipulators[{side!r}]", TaskError)
@@ -168,9 +166,7 @@ def _several(given: Any, side: str) -> tuple[PickAndPlace, ...]:
     return found
 
 
-def _check_arm(
-    side: str, manipulator: Manipulator, handled: frozenset[str], state: State
-) -> None:
+def _check_arm(side: str, manipulator: Manipulator, handled: frozenset[str], state: State) -> None:
     if manipulator.arm.side != side:
         raise TaskError(f"the manipulator for {side!r} is the {manipulator.arm.side} arm")
     for name in sorted(handled):

@@ -219,7 +219,7 @@ def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
     if stop is None:
         return squeeze.missed(_nothing(squeeze, wanted))
     first, second = stop
-    if first.is_finger and second.name in {each.body for each in world.held}:
+    if first.is_finger and world.is_held(second.name):
         return _on_held(second, squeeze)
     if first.is_held_by(second) or second.is_held_by(first):
         return _between(first if second.is_finger else second, squeeze)
@@ -352,11 +352,10 @@ class Squeeze:
                 ("left", "right"), (-1, 1), self._hand.fingers, strict=True
             )
         ]
-        held = {each.body for each in world.held}
         for body in world.scene:
             T_tip_body = self.T_base_tip.inverse() * body.T_base_body
             parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
-            is_movable = body.is_movable and body.name not in held
+            is_movable = body.is_movable and not world.is_held(body.name)
             self._sliders.append(Slider(body.name, parts, is_movable=is_movable))
 
     def run(self) -> tuple[Slider, Slider] | None:

@@ -174,6 +174,10 @@ class World(OneLine):
         """What a hand holds, or None."""
         return self._held.get(self._side(side))
 
+    def is_held(self, name: str) -> bool:
+        """Whether a hand holds a body."""
+        return any(held.body == name for held in self._held.values())
+
     def move_arm(self, side: str, q: ArrayLike) -> None:
         """Put an arm at a configuration; what its hand holds moves along.
 
@@ -292,7 +296,7 @@ class World(OneLine):
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         T = checked_pose(T_tip_body)
-        if any(held.body == name for held in self._held.values()) and not np.allclose(
+        if self.is_held(name) and not np.allclose(
             (self.T_base_tip(side) * T).homogeneous,
             self._poses[name].homogeneous,
             atol=PRESSING_TOLERANCE_M,

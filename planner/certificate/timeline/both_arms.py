@@ -231,7 +231,7 @@ class BothArms:
             gives, takes = self._clocks[giver], self._clocks[receiver]
             for release in gives.releases:
                 taken = [grip for grip in takes.grips if grip.body is not None]
-                is_first = taken and (taken[0].body, taken[0].closes) == (release.body, True)
+                is_first = bool(taken) and taken[0].closes and taken[0].body == release.body
                 require(is_first, f"the {receiver} hand does not take {release.body} at first")
                 closed, name = taken[0], str(release.body)
                 label = f"handover of {name}"
@@ -260,9 +260,7 @@ class BothArms:
 
     # What moves, and with what
 
-    def _of_side(
-        self, side: str, hand: _Hand, window_s: tuple[float, float]
-    ) -> Iterator[Mover]:
+    def _of_side(self, side: str, hand: _Hand, window_s: tuple[float, float]) -> Iterator[Mover]:
         timeline = self._timelines[side]
         for level in range(1, ARM_JOINTS + 1):
             root = self._link(side, level)

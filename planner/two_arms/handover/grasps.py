@@ -20,6 +20,7 @@ from planner.grasping.grasp import Grasp
 from planner.grasping.overhead import overhead_grasp
 from planner.manipulator import Manipulator
 from planner.scene.bodies import Body, Scene
+from planner.scene.coal_shapes import coal_pose, convex_pieces
 
 YAWS_RAD = (0.0, np.pi / 2)
 """Preferred yaws of overhead grasps: each side that the hand can hold, once."""
@@ -38,6 +39,9 @@ SAME_POSE = 1e-3
 
 MAX_PUSH_M = 1e-7
 """Maximum distance by which closing fingers may push the body: another hand holds it."""
+
+HALF_TURNS = (pin.SE3.Identity(), pin.SE3(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)))
+"""Turns of a hand about its axis after which it grasps alike."""
 
 AXES_UP = (
     pin.SE3.Identity(),
@@ -72,7 +76,8 @@ def grasp_pairs(
     """
     giver, taker = manipulators
     givers = [given[0]] if given[0] is not None else list(_overhead(giver, body, scene))
-    around = _around(taker, body, T_base_goal) if given[1] is None else iter([[given[1]]])
+    others = scene.without(body.name)
+    around = _around(taker, body, T_base_goal, others) if given[1] is None else [[given[1]]]
     for takers in around:
         pairs = [GraspPair(*each) for each in product(givers, takers)]
         apart_m = np.array([hands_apart_m(manipulators, pair) for pair in pairs])
@@ -86,18 +91,23 @@ def _overhead(manipulator: Manipulator, body: Body, scene: Scene) -> Iterator[pi
     found: list[pin.SE3] = []
     for yaw_rad in YAWS_RAD:
         T = overhead_grasp(manipulator.hand, body, neighbours=scene, yaw_rad=yaw_rad)
-        for T_body_tip in _along_body(manipulator, body, body.T_base_body.inverse() * T):
-            if not any(T_body_tip.isApprox(other, SAME_POSE) for other in found):
-                found.append(T_body_tip)
-                yield T_body_tip
+        if not any((T * turn).isApprox(other, SAME_POSE) for other in found for turn in HALF_TURNS):
+            found.append(T)
+            yield from _along_body(manipulator, body, body.T_base_body.inverse() * T)
 
 
-def _around(manipulator: Manipulator, body: Body, T_base_goal: pin.SE3) -> Iterator[list[pin.SE3]]:
-    """Grasps of a body with each axis upwards, seen from the body; those from above come first."""
+def _around(
+    manipulator: Manipulator, body: Body, T_base_goal: pin.SE3, others: Scene
+) -> Iterator[list[pin.SE3]]:
+    """Grasps of a body with each axis upwards, seen from the body; those from above come first.
+
+    The hand touches no other body at the place.
+    """
     upward = [-float(T_base_goal.rotation[2] @ T_up.rotation[2]) for T_up in AXES_UP]
     for k in np.argsort(np.round(upward, 1), kind="stable").tolist():
         if upward[k] <= MAX_UPWARD:
-            yield list(_overhead(manipulator, body.at(AXES_UP[k]), Scene.of([])))
+            found = _overhead(manipulator, body.at(AXES_UP[k]), Scene.of([]))
+            yield [T for T in found if _is_free(manipulator, T_base_goal * T, others)]
 
 
 def _along_body(manipulator: Manipulator, body: Body, T_body_tip: pin.SE3) -> Iterator[pin.SE3]:
@@ -111,12 +121,10 @@ def _along_body(manipulator: Manipulator, body: Body, T_body_tip: pin.SE3) -> It
         if high_m - low_m > 4.0 * END_M:
             shifts_m.append(axis * (low_m + END_M))
             shifts_m += [axis * (high_m - END_M)] if axis[0] else []
-    half_turn = pin.SE3(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
     for shift_m in shifts_m:
         T = centred(manipulator, body, T_body_tip * pin.SE3(np.eye(3), shift_m))
         if T is not None:
-            yield T
-            yield T * half_turn
+            yield from (T * turn for turn in HALF_TURNS)
 
 
 def centred(manipulator: Manipulator, body: Body, T_body_tip: pin.SE3) -> pin.SE3 | None:
@@ -138,9 +146,7 @@ def centred(manipulator: Manipulator, body: Body, T_body_tip: pin.SE3) -> pin.SE
 def hands_apart_m(manipulators: tuple[Manipulator, Manipulator], pair: GraspPair) -> float:
     """The distance of both hands with open fingers, m; below zero where they overlap."""
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-    one, other = (
-        list(_hand_shapes(manipulator, T)) for manipulator, T in zip(manipulators, pair, strict=True)
-    )
+    one, other = (list(_hand_shapes(each, T)) for each, T in zip(manipulators, pair, strict=True))
     found_m = np.inf
     for (shape, T), (other_shape, T_other) in product(one, other):
         result.clear()
@@ -148,6 +154,19 @@ def hands_apart_m(manipulators: tuple[Manipulator, Manipulator], pair: GraspPair
         if found_m < 0.0:
             break
     return float(found_m)
+
+
+def _is_free(manipulator: Manipulator, T_base_tip: pin.SE3, scene: Scene) -> bool:
+    """Whether a hand with open fingers touches no body."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    hand = list(_hand_shapes(manipulator, T_base_tip))
+    for part in (part for body in scene for part in body.placed_parts):
+        at = coal_pose(part.T_body_part)
+        for piece, (shape, T) in product(convex_pieces(part.shape), hand):
+            result.clear()
+            if coal.distance(shape, T, piece, at, request, result) <= 0.0:
+                return False
+    return True
 
 
 def _hand_shapes(
@@ -160,4 +179,4 @@ def _hand_shapes(
         sign = (index in fingers[0]) - (index in fingers[1])
         opening = pin.SE3(np.eye(3), np.array([0.0, sign * manipulator.hand.stroke_m, 0.0]))
         T = T_body_tip * opening * shapes.T_tip_shape(index, arm)
-        yield shapes.hull(index), coal.Transform3s(T.rotation, T.translation)
+        yield shapes.hull(index), coal_pose(T)

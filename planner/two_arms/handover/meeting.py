@@ -1,8 +1,9 @@
 """Meetings: where both hands can be at a body in the air, and be there soon.
 
-The unknowns are the configurations of the giver at the pick and where it hands the body over, those
-of the taker there and at the place, and the durations of the four motions to these, as if each was
-straight in joint space, from rest to rest. In such a motion, a joint with limits v, a and j goes in
+The unknowns are the configurations of the giver at the pick, where it hands the body over, and at
+the end of its line away from there; those of the taker at the beginning of its line, at the body,
+and at the place; and the durations of the four motions between the lines, as if each was straight
+in joint space, from rest to rest. In such a motion, a joint with limits v, a and j goes in
 the time t as far as
 
     D(t) = j t^3 / 32               up to t = 4 a / j,
@@ -10,18 +11,18 @@ the time t as far as
            v (t - v/a - a/j)        after that,
 
 or, where v is reached before a is, j t^3 / 32 up to t = 4 sqrt(v/j), and v (t - 2 sqrt(v/j)) then.
-So each motion has the rows |q_i' - q_i| <= D_i(t). At the pick, the place and the meeting the tips
-have their poses; at the meeting that of the taker is seen from the giver. The objective is the time
-when both are at the meeting, plus that of the taker's way to the place. The program is small and
+So each motion has the rows |q_i' - q_i| <= D_i(t). The tips have their poses everywhere; at the
+meeting that of the taker is seen from the giver. Along a line, no joint turns far. The objective is
+the time when both are at the meeting, plus that of the taker's way to the place. The program is small and
 smooth, and converges from almost any guess in which both hands are near their poses. Obstacles are
 not in it: its solutions above different heights are candidates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -44,7 +45,7 @@ DIRECTIONS = (
     ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0)),
 )
 """Directions of the axes of both hands in guesses, the giver's first, seen from base; y counts away
-from the arm's own side."""
+from the arm's own side. The tips are also turned so that each is towards its own side."""
 
 MIDDLE_M = (0.65, 0.0)
 """x and y of the body in base, in guesses."""
@@ -52,9 +53,15 @@ MIDDLE_M = (0.65, 0.0)
 RISES_M = (0.1, 0.25, 0.4)
 """Minimum heights of the body where it is handed over, above its higher end."""
 
-FARTHEST_M, WHERE_M = 2.0, 1e-4
-"""Bound of all coordinates, beyond the reach of the arms; and of the distance from a given point,
-along each axis."""
+MIN_M = 1e-6
+"""Distance of the tips below which they are at one place."""
+
+FRONT_M, FARTHEST_M, WHERE_M = 0.45, 2.0, 1e-4
+"""Minimum x of the body: both arms are beside the torso behind that; bound of all coordinates, beyond
+the reach of the arms; and maximum distance from a given point, along each axis."""
+
+LINE_RAD = 0.6
+"""Maximum turn of a joint along a line."""
 
 SAME_M, SAME_TURN = 0.02, 0.1
 """Maximum differences of two meetings that are the same: of positions, and of any entry of the
@@ -88,11 +95,13 @@ class Ends(NamedTuple):
         q_starts: configurations of the giver and the taker at first, each of shape (7,), rad.
         T_base_body: poses of the body at the pick and at the place.
         T_tips_body: the body seen from the giver's tip, and from the taker's.
+        reach_m: length of the lines at the meeting.
     """
 
     q_starts: tuple[FloatArray, FloatArray]
     T_base_body: tuple[pin.SE3, pin.SE3]
     T_tips_body: tuple[pin.SE3, pin.SE3]
+    reach_m: float
 
     @property
     def T_base_tips(self) -> tuple[pin.SE3, pin.SE3]:
@@ -125,7 +134,10 @@ def meetings(
     high_m = max(T.translation[2] for T in ends.T_base_body)
     rises = RISES_M if where is None else (0.0,)
     for guess in _guesses(manipulators, ends, where, high_m + RISES_M[1]):
-        near, x = [], np.concatenate([q_ends[0], *guess, q_ends[1], np.full(5, 2.0)])
+        near: list[Meeting] = []
+        q_giver, q_taker = guess
+        qs = q_ends[0], q_giver, q_giver, q_taker, q_taker, q_ends[1]
+        x = np.concatenate([*qs, np.full(5, 2.0)])
         for rise_m in rises:
             solved = solver.solved(x, ends, _bounds(where, high_m + rise_m))
             if solved is None:
@@ -139,11 +151,10 @@ def meetings(
 
 
 def _soonest(manipulator: Manipulator, T_base_tip: pin.SE3, q: FloatArray) -> FloatArray | None:
-    """The solution of a pose that the arm can reach first."""
+    """Of samples of the solutions of a pose, that which the arm can reach first."""
     found = sample_solutions(manipulator.ik, T_base_tip)
     if not len(found):
-        result = manipulator.ik.solve(T_base_tip)
-        return result.q if result.is_valid else None
+        return None
     times: FloatArray = rest_to_rest_s(found - q, manipulator.limits)
     soonest: FloatArray = found[np.argmin(times)]
     return soonest
@@ -157,21 +168,21 @@ def _guesses(
 ) -> Iterator[list[FloatArray]]:
     """Configurations of both arms at a body in the middle, with their hands in some directions."""
     p = np.array([*MIDDLE_M, height_m] if where is None else where)
-    axes = [T.inverse().rotation[:, 2] for T in ends.T_tips_body]
-    for directions in DIRECTIONS:
+    outwards = 1.0 if manipulators[0].arm.side == "left" else -1.0
+    giver, taker = (T.inverse() for T in ends.T_tips_body)
+    across = taker.translation - giver.translation
+    axes = [giver.rotation[:, 2], taker.rotation[:, 2], across / max(np.linalg.norm(across), MIN_M)]
+    for of_giver, of_taker in DIRECTIONS:
         wanted = [
-            np.array(each) * (1.0, 1.0 if manipulator.arm.side == "left" else -1.0, 1.0)
-            for manipulator, each in zip(manipulators, directions, strict=True)
+            np.array(of_giver) * (1.0, outwards, 1.0),
+            np.array(of_taker) * (1.0, -outwards, 1.0),
+            np.array([0.0, -outwards, 0.0]),
         ]
         T = pin.SE3(_turned(axes, wanted), p)
-        found = [
-            manipulator.ik.solve(T * T_tip_body.inverse(), current=q)
-            for manipulator, T_tip_body, q in zip(
-                manipulators, ends.T_tips_body, ends.q_starts, strict=True
-            )
-        ]
-        if all(result.is_valid for result in found):
-            yield [result.q for result in found]
+        q_giver = _soonest(manipulators[0], T * giver, ends.q_starts[0])
+        q_taker = _soonest(manipulators[1], T * taker, ends.q_starts[1])
+        if q_giver is not None and q_taker is not None:
+            yield [q_giver, q_taker]
 
 
 def _turned(axes: Sequence[FloatArray], wanted: Sequence[FloatArray]) -> FloatArray:
@@ -185,13 +196,13 @@ def _bounds(where: Sequence[float] | None, least_m: float) -> tuple[FloatArray, 
     """Bounds of the body's position, each of shape (3,), m."""
     if where is not None:
         return np.array(where) - WHERE_M, np.array(where) + WHERE_M
-    return np.array([-FARTHEST_M, -FARTHEST_M, least_m]), np.full(3, FARTHEST_M)
+    return np.array([FRONT_M, -FARTHEST_M, least_m]), np.full(3, FARTHEST_M)
 
 
 def _meeting(giver: Arm, x: FloatArray, ends: Ends) -> Meeting:
-    _, q_giver, q_taker, _ = np.split(x[: 4 * len(JOINTS)], 4)
+    _, q_giver, _, _, q_taker, _ = np.split(x[: 6 * len(JOINTS)], 6)
     T_base_body = giver.T_base_tip(q_giver) * ends.T_tips_body[0]
-    *_, to_place, both = x[4 * len(JOINTS) :]
+    *_, to_place, both = x[6 * len(JOINTS) :]
     return Meeting(T_base_body, (q_giver, q_taker), float(both + to_place))
 
 
@@ -205,36 +216,41 @@ class _Solver:
     """The program of two arms with their limits, for any bodies and poses."""
 
     def __init__(self, arms: tuple[Arm, Arm], limits: tuple[JointLimits, JointLimits]) -> None:
-        q = [ca.SX.sym(name, len(JOINTS)) for name in ("pick", "giver", "taker", "place")]
+        names = "pick", "giver", "back", "before", "taker", "place"
+        q = [ca.SX.sym(name, len(JOINTS)) for name in names]
         t, starts = ca.SX.sym("t", 5), ca.SX.sym("starts", 2 * len(JOINTS))
         poses = [ca.SX.sym(name, 3, 4) for name in ("T_pick", "T_giver_taker", "T_place")]
-        giver_body = ca.SX.sym("giver_body", 3)
-        pick, giver, taker, place = (
-            _tip(arm, at) for arm, at in zip((arms[0], *arms, arms[1]), q, strict=True)
+        giver_body, reach_m = ca.SX.sym("giver_body", 3), ca.SX.sym("reach")
+        pick, giver, back, before, taker, place = (
+            _tip(arms[number // 3], at) for number, at in enumerate(q)
         )
         p_giver, R_giver = giver
         handed = p_giver + R_giver @ poses[1][:, 3], R_giver @ poses[1][:, :3]
         exact = [
             _apart(pick, (poses[0][:, 3], poses[0][:, :3])),
             _apart(handed, taker),
+            _apart(_behind(giver, reach_m), back),
+            _apart(_behind(taker, reach_m), before),
             _apart(place, (poses[2][:, 3], poses[2][:, :3])),
         ]
         least = [t[4] - t[0] - t[1], t[4] - t[2]]
         first, other = ca.vertsplit(starts, len(JOINTS))
-        ways = ((first, q[0]), (q[0], q[1]), (other, q[2]), (q[2], q[3]))
+        ways = ((first, q[0]), (q[0], q[1]), (other, q[3]), (q[4], q[5]))
         for number, (begin, end) in enumerate(ways):
             for way, reach in zip(
                 ca.vertsplit(end - begin), _reaches(t[number], limits[number // 2]), strict=True
             ):
                 least += [reach - way, reach + way]
+        for begin, end in ((q[1], q[2]), (q[3], q[4])):
+            least += [LINE_RAD - (end - begin), LINE_RAD + (end - begin)]
         g = ca.vertcat(*exact, *least, p_giver + R_giver @ giver_body)
         nlp = {
             "x": ca.vertcat(*q, t),
-            "p": ca.vertcat(starts, *map(ca.vec, poses), giver_body),
+            "p": ca.vertcat(starts, *map(ca.vec, poses), giver_body, reach_m),
             "f": t[4] + t[3] + OWN_SHARE * ca.sum1(t),
             "g": g,
         }
-        options = {
+        options: dict[str, Any] = {
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "print_time": False,
@@ -243,24 +259,24 @@ class _Solver:
             "ipopt.mu_strategy": "adaptive",
         }
         self._solver = ca.nlpsol("meeting", "ipopt", nlp, options)
-        zeros, count = 6 * len(exact), len(least)
+        zeros, count = 6 * len(exact), ca.vertcat(*least).numel()
         self._low = np.zeros(zeros + count)
         self._high = np.concatenate([np.zeros(zeros), np.full(count, np.inf)])
-        of_q = [[getattr(limits[k], name) for k in (0, 0, 1, 1)] for name in ("q_min", "q_max")]
+        of_q = [[getattr(limits[k], name) for k in (0, 0, 0, 1, 1, 1)] for name in ("q_min", "q_max")]
         self._lbx = np.concatenate([*of_q[0], np.full(5, MIN_S)])
         self._ubx = np.concatenate([*of_q[1], np.full(5, MAX_GUESSED_S)])
 
     def solved(
         self, x0: FloatArray, ends: Ends, bounds: tuple[FloatArray, FloatArray]
     ) -> FloatArray | None:
-        """The unknowns of the solution near a guess, shape (33,); None where there is none."""
+        """The unknowns of the solution near a guess, shape (47,); None where there is none."""
         pick, place = ends.T_base_tips
         giver, taker = ends.T_tips_body
         poses = pick, giver * taker.inverse(), place
         numbers = [T.homogeneous[:3].ravel("F") for T in poses]
         inputs = {
             "x0": x0.clip(self._lbx, self._ubx),
-            "p": np.concatenate([*ends.q_starts, *numbers, giver.translation]),
+            "p": np.concatenate([*ends.q_starts, *numbers, giver.translation, [ends.reach_m]]),
             "lbx": self._lbx,
             "ubx": self._ubx,
             "lbg": np.concatenate([self._low, bounds[0]]),
@@ -279,6 +295,11 @@ def _tip(arm: Arm, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     own = SymbolicArm.of(arm)
     position, rotation = ca.Function("tip", [own.q], [own.p_base_tip, own.R_base_tip])(q)
     return position, rotation
+
+
+def _behind(tip: tuple[ca.SX, ca.SX], reach_m: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The pose of a tip that has gone back along its axis."""
+    return tip[0] - reach_m * tip[1][:, 2], tip[1]
 
 
 def _apart(one: tuple[ca.SX, ca.SX], other: tuple[ca.SX, ca.SX]) -> ca.SX:

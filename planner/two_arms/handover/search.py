@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import islice, product
 from typing import NamedTuple
 
@@ -128,7 +127,8 @@ class HandoverSearch:
         self._problem, self._task = problem, task
         self._arms = problem.manipulators[task.giver], problem.manipulators[task.taker]
         self._body = problem.state.scene[task.body]
-        self._failure = PlanFailure("handover", "no two grasps keep the hands apart")
+        self._failure = PlanFailure("handover", "no two grasps were found in which the hands are apart")
+        self._failures: list[PlanFailure] = []
         scene = problem.state.scene.without(task.body)
         self._own = [
             evolve(each, shapes=each.shapes.without(other_than(each.arm.side))).context(
@@ -143,7 +143,9 @@ class HandoverSearch:
             plan = self._planned(candidate)
             if plan is not None:
                 return plan
-        return self._problem.failed(self._failure)
+            self._failures.append(self._failure)
+        failure = self._failures[0] if self._failures else self._failure
+        return self._problem.failed(evolve(failure, tried=tuple(self._failures)))
 
     def _candidates(self) -> Iterator[Candidate]:
         """Meetings, the best of every few pairs of grasps first."""
@@ -161,18 +163,20 @@ class HandoverSearch:
         )
         pairs = islice(pairs, MAX_PAIRS)
         while some := list(islice(pairs, AT_ONCE)):
+            reason = f"no place was found where both hands can hold {task.body}"
+            self._failure = PlanFailure("handover", reason)
             yield from sorted(
                 (each for pair in some for each in self._meetings(pair)), key=lambda each: each.rank
             )
 
     def _meetings(self, grasps: GraspPair) -> Iterator[Candidate]:
-        arms, task = self._arms, self._task
+        arms, task, state = self._arms, self._task, self._problem.state
         ends = Ends(
-            tuple(self._problem.state.q(each.arm.joint_names) for each in arms),
+            (state.q(arms[0].arm.joint_names), state.q(arms[1].arm.joint_names)),
             (self._body.T_base_body, task.T_base_goal),
-            tuple(T.inverse() for T in grasps),
+            (grasps.T_body_giver.inverse(), grasps.T_body_taker.inverse()),
+            task.reach_m,
         )
-        self._failure = PlanFailure("handover", "no place was found that both hands reach")
         context = self._context(grasps)
         for meeting in islice(meetings(arms, ends, task.where), MAX_MEETINGS):
             q = dict(zip((task.giver, task.taker), meeting.q, strict=True))
@@ -234,8 +238,38 @@ class HandoverSearch:
         )
         if self._failed(taker.plan, task.taker):
             return None
-        plans = {task.giver: giver.plan, task.taker: taker.plan}
-        return self._timed({side: plans[side] for side in LIMBS})
+        for taken in self._around(giver, taker, taking, there):
+            for brought in self._withdrawing(giver):
+                plans = {task.giver: brought.plan, task.taker: taken.plan}
+                plan = self._timed({side: plans[side] for side in LIMBS})
+                if plan is not None:
+                    return plan
+        return None
+
+    def _around(
+        self, giver: ArmCycle, taker: ArmCycle, taking: Taking, state: State
+    ) -> Iterator[ArmCycle]:
+        """The taker's cycle, and one that leads around the giver, as that stands at its end."""
+        yield taker
+        problem = self._problem
+        arm = giver.manipulator.arm
+        standing = evolve(state, joints={**state.joints, **arm.joints(giver.q_end)})
+        around = ArmCycle.of(
+            *(taking, self._arms[1], standing, None, problem.requirements), in_air="pick"
+        )
+        if around.plan.is_valid:
+            led = taker.with_motions(around.motions)
+            if led.plan.is_valid:
+                yield led
+
+    def _withdrawing(self, giver: ArmCycle) -> Iterator[ArmCycle]:
+        """The giver's cycle, alone and followed by moves out of the taker's way."""
+        yield giver
+        if self._problem.requirements.may_withdraw:
+            for q_goal in (giver.manipulator.arm.neutral, giver.plan.q_start):
+                withdrawn = giver.withdrawn(np.array(q_goal))
+                if withdrawn is not None:
+                    yield withdrawn
 
     def _failed(self, plan: Plan, side: str) -> bool:
         if plan.failure is None:
@@ -263,6 +297,8 @@ class HandoverSearch:
                 problem.state, plans, begins_s, problem.requirements.grip_s, None, NOT_PROVEN
             )
             if not across.looks_clear(plan, LOOK_S):
+                reason = "the arms are in each other's way"
+                self._failure = PlanFailure("handover", reason)
                 continue
             proven = with_proof(plan, across)
             if not isinstance(proven, ContinuousContact):

@@ -2,7 +2,7 @@
 
 ```
 giver   open - approach - descend - close - retract - carry - (wait) - open - retreat
-taker                          open - approach - reach - close - (wait) - carry - descend - open - retract
+taker   open - (wait) - approach - reach - close - (wait) - carry - descend - open - retract
 ```
 
 The giver stands still, with the body in the air, while the taker's hand comes along its own axis,
@@ -13,8 +13,8 @@ a pick and place, one of whose ends is in the air.
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import phrase, position
@@ -45,7 +45,7 @@ def _pose_or_none(value: object) -> pin.SE3 | None:
     return None if value is None else checked_pose(value)
 
 
-def _point_or_none(value: object) -> tuple[float, ...] | None:
+def _point_or_none(value: Any) -> tuple[float, ...] | None:
     if value is None:
         return None
     point = finite_array(value, (3,), "where a body is handed over", TaskError)
