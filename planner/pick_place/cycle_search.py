@@ -218,7 +218,7 @@ class CycleSearch:
     @property
     def _are_lines_easy(self) -> bool:
         """Whether the arm has space along its lines: these are vertical, or in the air."""
-        return self.program.is_vertical or bool(self.request.in_air)
+        return self.program.is_vertical or self.request.in_air is not None
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, if it is shorter and proven; else the plan."""
@@ -289,7 +289,7 @@ class CycleSearch:
                     GripperAction.OPEN,
                     phases.releasing,
                     task.body,
-                    receiver=other_than(side) if self.request.in_air == "place" else "",
+                    receiver=other_than(side) if self.request.gives else "",
                 )
             context, is_straight = self._contexts[leg.label], leg.ends is not None
             motion = proven_motions.get(leg.label) or proven(leg.stage, motions[leg.label], context)

@@ -307,7 +307,7 @@ class PhaseMaker:
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
         """Where the body comes to rest after its release; and why that is not allowed, if so."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
-        if self.request.in_air == "place":
+        if self.request.gives:
             return Landing(let_go, 0.0, (), ()), ()
         landing = settle(let_go, list(self.request.scene.without(self.task.body)))
         on, way = " and ".join(landing.supports), landing.overhang

@@ -320,6 +320,18 @@ class PickAndPlace:
         return phrase(self.body), way, f"hover {self.hover_m:g} m"
 
 
+class InAir(NamedTuple):
+    """The end of a task that is in the air, where the other hand holds the body, too.
+
+    Attributes:
+        end: "pick" or "place".
+        q: configuration of the arm there, or near there, shape (7,), rad; any when not given.
+    """
+
+    end: str
+    q: FloatArray | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRequest:
     """The arm, its surroundings, and the requirements of a plan; the planning functions check them.
@@ -332,8 +344,7 @@ class PlanRequest:
             hand from what it grasps, and links up to two joints apart.
         held: what the other hand holds.
         line_tolerance: maximum deviation of the tip from its straight lines.
-        in_air: the end of the task, "pick" or "place", at which the other hand holds the body, too,
-            in the air; "" where there is none.
+        in_air: the end of the task that is in the air, if one is.
     """
 
     manipulator: Manipulator
@@ -342,4 +353,9 @@ class PlanRequest:
     margin_m: float = 0.0
     held: tuple[Attachment, ...] = ()
     line_tolerance: LineTolerance = DEFAULT_TOLERANCE
-    in_air: str = ""
+    in_air: InAir | None = None
+
+    @property
+    def gives(self) -> bool:
+        """Whether the other hand holds the body when this one releases it."""
+        return self.in_air is not None and self.in_air.end == "place"

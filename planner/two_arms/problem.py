@@ -25,7 +25,7 @@ from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.cycles import LED, Cycle, with_intervals
 from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
 from planner.pick_place.planning import searched
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.task import InAir, PickAndPlace, PlanRequest
 from planner.plan import Grip, Move, Plan, PlanFailure, Step
 from planner.scene.bodies import Scene
 from planner.splines import Sketch
@@ -110,14 +110,14 @@ class ArmCycle:
         task: PickAndPlace,
         manipulator: Manipulator,
         state: State,
-        without: frozenset[str],
+        without: frozenset[str] | None,
         requirements: Requirements,
         *,
-        in_air: str = "",
+        in_air: InAir | None = None,
     ) -> ArmCycle:
-        """The fastest cycle of a task, without the other arm and some bodies.
+        """The fastest cycle of a task, without the other arm and some bodies (`Requirements`).
 
-        At the end that is `in_air`, "pick" or "place", the other hand holds the body, too.
+        At the end that is `in_air`, the other hand holds the body, too.
         """
         request = requirements.request(manipulator, state, without)
         plan, search = searched(replace(request, in_air=in_air), task)

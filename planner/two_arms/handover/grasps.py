@@ -28,6 +28,9 @@ YAWS_RAD = (0.0, np.pi / 2)
 END_M = 0.015
 """Distance of the middle of the pads from the end of the body, in grasps towards it."""
 
+PAIRS_OF_EACH = 6
+"""Maximum number of pairs with the same axis of the body upwards in the taker's overhead grasp."""
+
 MAX_UPWARD = 0.3
 """Maximum share of the taker's axis that points up at the place."""
 
@@ -81,9 +84,8 @@ def grasp_pairs(
     for takers in around:
         pairs = [GraspPair(*each) for each in product(givers, takers)]
         apart_m = np.array([hands_apart_m(manipulators, pair) for pair in pairs])
-        for k in np.argsort(-np.round(apart_m, 2), kind="stable").tolist():
-            if apart_m[k] >= MIN_APART_M:
-                yield pairs[k]
+        best = np.argsort(-np.round(apart_m, 2), kind="stable")[:PAIRS_OF_EACH]
+        yield from (pairs[k] for k in best.tolist() if apart_m[k] >= MIN_APART_M)
 
 
 def _overhead(manipulator: Manipulator, body: Body, scene: Scene) -> Iterator[pin.SE3]:

@@ -13,9 +13,9 @@ the time t as far as
 or, where v is reached before a is, j t^3 / 32 up to t = 4 sqrt(v/j), and v (t - 2 sqrt(v/j)) then.
 So each motion has the rows |q_i' - q_i| <= D_i(t). The tips have their poses everywhere; at the
 meeting that of the taker is seen from the giver. Along a line, no joint turns far. The objective is
-the time when both are at the meeting, plus that of the taker's way to the place. The program is small and
-smooth, and converges from almost any guess in which both hands are near their poses. Obstacles are
-not in it: its solutions above different heights are candidates.
+the time when both are at the meeting, plus that of the taker's way to the place. The program is
+small and smooth, and converges from almost any guess in which both hands are near their poses.
+Obstacles are not in it: its solutions above different heights are candidates.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ MIN_M = 1e-6
 """Distance of the tips below which they are at one place."""
 
 FRONT_M, FARTHEST_M, WHERE_M = 0.45, 2.0, 1e-4
-"""Minimum x of the body: both arms are beside the torso behind that; bound of all coordinates, beyond
-the reach of the arms; and maximum distance from a given point, along each axis."""
+"""Minimum x of the body: both arms are beside the torso behind that; bound of all coordinates,
+beyond the reach of the arms; and maximum distance from a given point, along each axis."""
 
 LINE_RAD = 0.6
 """Maximum turn of a joint along a line."""
@@ -262,7 +262,9 @@ class _Solver:
         zeros, count = 6 * len(exact), ca.vertcat(*least).numel()
         self._low = np.zeros(zeros + count)
         self._high = np.concatenate([np.zeros(zeros), np.full(count, np.inf)])
-        of_q = [[getattr(limits[k], name) for k in (0, 0, 0, 1, 1, 1)] for name in ("q_min", "q_max")]
+        of_q = [
+            [getattr(limits[k], name) for k in (0, 0, 0, 1, 1, 1)] for name in ("q_min", "q_max")
+        ]
         self._lbx = np.concatenate([*of_q[0], np.full(5, MIN_S)])
         self._ubx = np.concatenate([*of_q[1], np.full(5, MAX_GUESSED_S)])
 

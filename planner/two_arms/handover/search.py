@@ -20,7 +20,6 @@ from itertools import islice, product
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS, other_than
@@ -32,6 +31,7 @@ from planner.errors import TaskError
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
+from planner.pick_place.task import InAir
 from planner.plan import Grip, Move, Plan, PlanFailure
 from planner.state import State
 from planner.two_arms.across import BetweenArms, HandState
@@ -44,7 +44,7 @@ from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
 
 logger = logging.getLogger(__name__)
 
-MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 12, 2, 3, 8
+MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 10
 """Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
 of each that are compared; and of meetings that are tried."""
 
@@ -67,11 +67,6 @@ class Candidate(NamedTuple):
     grasps: GraspPair
     meeting: Meeting
     is_clear: bool
-
-    @property
-    def rank(self) -> tuple[bool, float]:
-        """The smaller, the better."""
-        return not self.is_clear, self.meeting.duration_s
 
 
 def plan_handover(
@@ -127,7 +122,9 @@ class HandoverSearch:
         self._problem, self._task = problem, task
         self._arms = problem.manipulators[task.giver], problem.manipulators[task.taker]
         self._body = problem.state.scene[task.body]
-        self._failure = PlanFailure("handover", "no two grasps were found in which the hands are apart")
+        self._failure = PlanFailure(
+            "handover", "no two grasps were found in which the hands are apart"
+        )
         self._failures: list[PlanFailure] = []
         scene = problem.state.scene.without(task.body)
         self._own = [
@@ -148,7 +145,7 @@ class HandoverSearch:
         return self._problem.failed(evolve(failure, tried=tuple(self._failures)))
 
     def _candidates(self) -> Iterator[Candidate]:
-        """Meetings, the best of every few pairs of grasps first."""
+        """Meetings of every few pairs of grasps, the best first; those that are not clear last."""
         task, problem = self._task, self._problem
         given = []
         for manipulator, T in zip(self._arms, (task.T_body_giver, task.T_body_taker), strict=True):
@@ -162,12 +159,15 @@ class HandoverSearch:
             self._arms, problem.state.scene, self._body, task.T_base_goal, (given[0], given[1])
         )
         pairs = islice(pairs, MAX_PAIRS)
+        unclear: list[Candidate] = []
         while some := list(islice(pairs, AT_ONCE)):
             reason = f"no place was found where both hands can hold {task.body}"
             self._failure = PlanFailure("handover", reason)
-            yield from sorted(
-                (each for pair in some for each in self._meetings(pair)), key=lambda each: each.rank
-            )
+            found = [each for pair in some for each in self._meetings(pair)]
+            found.sort(key=lambda each: each.meeting.duration_s)
+            yield from [each for each in found if each.is_clear][:AT_ONCE]
+            unclear += [each for each in found if not each.is_clear]
+        yield from unclear
 
     def _meetings(self, grasps: GraspPair) -> Iterator[Candidate]:
         arms, task, state = self._arms, self._task, self._problem.state
@@ -204,63 +204,71 @@ class HandoverSearch:
         return CollisionContext(checker, full, margin_m=problem.requirements.margin_m)
 
     def _planned(self, candidate: Candidate) -> TwoArmPlan | None:
-        """The plan of a handover at a meeting; None where there is none, with the reason."""
+        """The plan of a handover at a meeting; None where there is none, with the reason.
+
+        At first both arms are there as the meeting has them, if that is clear; then in any way.
+        """
+        for is_as_met in (True, False) if candidate.is_clear else (False,):
+            giver = self._giver(candidate, is_as_met=is_as_met)
+            if self._failed(giver.plan, self._task.giver):
+                continue
+            state = self._handed(giver.plan)
+            for taker in self._takers(candidate, giver, state, is_as_met=is_as_met):
+                if self._failed(taker.plan, self._task.taker):
+                    continue
+                for brought in self._withdrawing(giver):
+                    plans = {self._task.giver: brought.plan, self._task.taker: taker.plan}
+                    plan = self._timed({side: plans[side] for side in LIMBS})
+                    if plan is not None:
+                        return plan
+        return None
+
+    def _giver(self, candidate: Candidate, *, is_as_met: bool) -> ArmCycle:
         task, problem = self._task, self._problem
-        T_body_giver, T_body_taker = candidate.grasps
-        T_meet = candidate.meeting.T_base_body
+        T_body_giver = candidate.grasps.T_body_giver
         giving = Giving(
             task.body,
             self._body.T_base_body * T_body_giver,
-            T_meet * T_body_giver,
+            candidate.meeting.T_base_body * T_body_giver,
             task.hover_m,
             task.clear_m,
             reach_m=task.reach_m,
         )
+        in_air = InAir("place", candidate.meeting.q[0] if is_as_met else None)
         none: frozenset[str] = frozenset()
-        giver = ArmCycle.of(
-            *(giving, self._arms[0], problem.state, none, problem.requirements),
-            in_air="place",
+        return ArmCycle.of(
+            *(giving, self._arms[0], problem.state, none, problem.requirements), in_air=in_air
         )
-        if self._failed(giver.plan, task.giver):
-            return None
-        handed = self._handed(giver.plan)
+
+    def _takers(
+        self, candidate: Candidate, giver: ArmCycle, state: State, *, is_as_met: bool
+    ) -> Iterator[ArmCycle]:
+        """The taker's cycle; and one that leads around the giver, as that stands at its end."""
+        task, problem = self._task, self._problem
+        T_body_taker = candidate.grasps.T_body_taker
         taking = Taking(
             task.body,
-            handed * T_body_taker,
+            state.scene[task.body].T_base_body * T_body_taker,
             task.T_base_goal * T_body_taker,
             task.hover_m,
             task.clear_m,
             reach_m=task.reach_m,
         )
-        there = evolve(problem.state, scene=problem.state.scene.moved(task.body, handed))
+        in_air = InAir("pick", candidate.meeting.q[1] if is_as_met else None)
+        none: frozenset[str] = frozenset()
         taker = ArmCycle.of(
-            *(taking, self._arms[1], there, none, problem.requirements), in_air="pick"
+            *(taking, self._arms[1], state, none, problem.requirements), in_air=in_air
         )
-        if self._failed(taker.plan, task.taker):
-            return None
-        for taken in self._around(giver, taker, taking, there):
-            for brought in self._withdrawing(giver):
-                plans = {task.giver: brought.plan, task.taker: taken.plan}
-                plan = self._timed({side: plans[side] for side in LIMBS})
-                if plan is not None:
-                    return plan
-        return None
-
-    def _around(
-        self, giver: ArmCycle, taker: ArmCycle, taking: Taking, state: State
-    ) -> Iterator[ArmCycle]:
-        """The taker's cycle, and one that leads around the giver, as that stands at its end."""
         yield taker
-        problem = self._problem
-        arm = giver.manipulator.arm
-        standing = evolve(state, joints={**state.joints, **arm.joints(giver.q_end)})
+        if taker.plan.failure is not None:
+            return
+        joints = giver.manipulator.arm.joints(giver.q_end)
+        standing = evolve(state, joints={**state.joints, **joints})
         around = ArmCycle.of(
-            *(taking, self._arms[1], standing, None, problem.requirements), in_air="pick"
+            *(taking, self._arms[1], standing, None, problem.requirements), in_air=in_air
         )
         if around.plan.is_valid:
-            led = taker.with_motions(around.motions)
-            if led.plan.is_valid:
-                yield led
+            yield taker.with_motions(around.motions)
 
     def _withdrawing(self, giver: ArmCycle) -> Iterator[ArmCycle]:
         """The giver's cycle, alone and followed by moves out of the taker's way."""
@@ -278,11 +286,12 @@ class HandoverSearch:
         self._failure = evolve(plan.failure, reason=f"the {side} arm: {plan.failure.reason}")
         return True
 
-    def _handed(self, plan: Plan) -> pin.SE3:
-        """The pose of the body when the giver has released it."""
+    def _handed(self, plan: Plan) -> State:
+        """Robot and bodies at first, but the body where the giver has released it."""
         release = next(step for step in plan if isinstance(step, Grip) and step.receiver)
-        state = after(release, state_of(release), self._arms[0])
-        return state.scene[self._task.body].T_base_body
+        released = after(release, state_of(release), self._arms[0]).scene[self._task.body]
+        state = self._problem.state
+        return evolve(state, scene=state.scene.moved(self._task.body, released.T_base_body))
 
     def _timed(self, plans: Mapping[str, Plan]) -> TwoArmPlan | None:
         """The plan of both arms with the earliest times that are clear."""
