@@ -70,8 +70,8 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
-    from planner.two_arms.pair_move import PairMove as PairMove
-    from planner.two_arms.pair_move import plan_pair_move as plan_pair_move
+    from planner.two_arms.pair_moves.pair_move import PairMove as PairMove
+    from planner.two_arms.pair_moves.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
     from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
     from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
@@ -107,7 +107,7 @@ __all__, __getattr__ = lazy(
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
-        "PairMove": "planner.two_arms.pair_move",
+        "PairMove": "planner.two_arms.pair_moves.pair_move",
         "Part": "planner.scene.bodies",
         "PathMove": "planner.motion.paths.path_move",
         "PathMoveError": "planner.errors",
@@ -143,7 +143,7 @@ __all__, __getattr__ = lazy(
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
         "plan_joint_move": "planner.motion.joint_move",
-        "plan_pair_move": "planner.two_arms.pair_move",
+        "plan_pair_move": "planner.two_arms.pair_moves.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",

@@ -49,7 +49,7 @@ from planner.errors import MotionError
 from planner.manipulator import context_of_both, limits_of_both
 from planner.motion import free_search, rrt
 from planner.motion.joint_move import plan_joint_move
-from planner.two_arms.pair_move import plan_pair_move
+from planner.two_arms.pair_moves.pair_move import plan_pair_move
 
 Found = dict[str, Any]
 

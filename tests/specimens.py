@@ -21,7 +21,7 @@ from baxter_kin import Baxter, ElectricGripper, IKService, NamedFrame, StampedPo
 from baxter_kin.fields import field_names
 from planner import Manipulator, Plan, RobotBody, Scene, load_object
 from planner.clearance import ContinuousProof
-from planner.two_arms.relative_pose import RelativeDeviation
+from planner.two_arms.pair_moves.relative_pose import RelativeDeviation
 from sim import Recorder, Simulation, World
 from tests.conftest import at, overhead
 

@@ -27,7 +27,7 @@ from baxter_kin import Baxter, ElectricGripper, IKService, ik
 from baxter_kin.ik.tolerance import Task
 from fuzzing.targets import CONSTRUCTIBLE, Target
 from planner.clearance import Clearance, ContinuousProof
-from planner.two_arms.relative_pose import RelativeDeviation
+from planner.two_arms.pair_moves.relative_pose import RelativeDeviation
 from planner.verification import Relation
 from sim.events import Sample
 from sim.ros1.definitions import message_type
