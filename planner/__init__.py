@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
+    from planner.two_arms.pair_moves.pair_carry import PairCarry as PairCarry
+    from planner.two_arms.pair_moves.pair_carry import plan_pair_carry as plan_pair_carry
     from planner.two_arms.pair_moves.pair_move import PairMove as PairMove
     from planner.two_arms.pair_moves.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
@@ -107,6 +109,7 @@ __all__, __getattr__ = lazy(
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
+        "PairCarry": "planner.two_arms.pair_moves.pair_carry",
         "PairMove": "planner.two_arms.pair_moves.pair_move",
         "Part": "planner.scene.bodies",
         "PathMove": "planner.motion.paths.path_move",
@@ -143,6 +146,7 @@ __all__, __getattr__ = lazy(
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
         "plan_joint_move": "planner.motion.joint_move",
+        "plan_pair_carry": "planner.two_arms.pair_moves.pair_carry",
         "plan_pair_move": "planner.two_arms.pair_moves.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",

@@ -3,8 +3,8 @@
 The program has the 14 joints of both arms, one duration, and as rows the pose of the right tip seen
 from the body, as the left hand carries it: within a tolerance at the knots, and exact at the end.
 The body goes any way from its pose to the goal, or along a straight line with an even turn. What
-the hands do between the knots is bounded afterwards (`planner.two_arms.pair_moves.relative_pose`); where that
-is more than allowed, the program is solved with twice as many knots.
+the hands do between the knots is bounded afterwards (`relative_pose`); where that is more than
+allowed, the program is solved with twice as many knots.
 
 The guess follows the body's straight line with both arms, by least-norm steps from the start. Where
 one arm cannot follow, or the motion is not clear, other guesses end in sampled solutions of the
