@@ -404,6 +404,9 @@ class Simulation(OneLine):
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
+        elif world.is_held(name):  # by the other hand
+            timeline.released(limb, name)
+            yield self._slide(limb, finger_m)
         else:
             timeline.released(limb, name)
             rest = world.rest(name)
