@@ -117,8 +117,9 @@ def test_the_page_measures_no_clearance_of_the_body_from_the_hands_that_hold_it(
 
 def test_hands_that_tear_the_body_apart_are_stopped(run: Run, robot: Baxter) -> None:
     """The right arm carries a little later than the left one; both open later."""
-    late_s = {"left": ("place: open", "place: retract")}
-    late_s["right"] = ("pick: retract", "place: approach", "place: descend", *late_s["left"])
+    at_end = {"place: open", "place: retract"}
+    late_s = {"left": at_end, "right": at_end | {"pick: retract", "place: approach"}}
+    late_s["right"].add("place: descend")
     later = {
         side: tuple(
             begin_s + 0.05 * (step.label in late_s[side])
