@@ -219,7 +219,7 @@ def carries(given: argparse.Namespace) -> Iterator[Found]:
         thick_m, y_m = rng.uniform(0.015, 0.045), rng.uniform(0.12, 0.25)
         ends = []
         for _ in range(2):
-            x, y, turn = rng.uniform((0.5, -0.15, -0.3), (0.75, 0.15, 0.3))
+            x, y, turn = rng.uniform((0.62, -0.15, -0.3), (0.78, 0.15, 0.3))
             place = np.array([x, y, TABLE_Z_M + thick_m / 2.0])
             ends.append(pin.SE3(pin.utils.rotate("z", turn), place))
         part = Part(Box((thick_m, 2.0 * y_m + 0.1, thick_m)), pin.SE3.Identity())

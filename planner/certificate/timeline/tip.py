@@ -34,6 +34,10 @@ MAX_ROUNDING_RAD = 1e-7
 TOGETHER_M, TOGETHER_RAD = 1e-4, np.radians(0.02)
 """Maximum deviation of a hand, seen from the other one, from its pose in a body that both hold."""
 
+CLOCK_ROUNDING = 1e-7
+"""Upper bound on what rounding of two motions on a common clock adds to this deviation, m and in
+the norm of rotations."""
+
 MAX_BEND = 0.1
 """Maximum share of a tolerance by which a tip is off its chords in cells that are tried."""
 
@@ -129,8 +133,8 @@ def relative_deviation(
         if is_coarse and count < CELLS[-1]:
             continue
         seen = chain.tips(motion.at(times_s))
-        away_m = float(norm_bound((seen.p - T.p).magnitude).max())
-        away = float(norm_bound((seen.R - T.R).magnitude.reshape(-1, 9)).max())
+        away_m = float(norm_bound((seen.p - T.p).magnitude).max()) + CLOCK_ROUNDING
+        away = float(norm_bound((seen.R - T.R).magnitude.reshape(-1, 9)).max()) + CLOCK_ROUNDING
         off_m, turned = away_m + bend_m, _angle(away + bend)
         if (off_m <= TOGETHER_M and turned <= TOGETHER_RAD) or (
             away_m > TOGETHER_M or _angle(away) > TOGETHER_RAD
