@@ -72,8 +72,10 @@ if TYPE_CHECKING:
     from planner.trajectory import Trajectory as Trajectory
     from planner.two_arms.handover.search import plan_handover as plan_handover
     from planner.two_arms.handover.task import Handover as Handover
-    from planner.two_arms.pair_move import PairMove as PairMove
-    from planner.two_arms.pair_move import plan_pair_move as plan_pair_move
+    from planner.two_arms.pair_moves.pair_carry import PairCarry as PairCarry
+    from planner.two_arms.pair_moves.pair_carry import plan_pair_carry as plan_pair_carry
+    from planner.two_arms.pair_moves.pair_move import PairMove as PairMove
+    from planner.two_arms.pair_moves.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
     from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
     from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
@@ -110,7 +112,8 @@ __all__, __getattr__ = lazy(
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
-        "PairMove": "planner.two_arms.pair_move",
+        "PairCarry": "planner.two_arms.pair_moves.pair_carry",
+        "PairMove": "planner.two_arms.pair_moves.pair_move",
         "Part": "planner.scene.bodies",
         "PathMove": "planner.motion.paths.path_move",
         "PathMoveError": "planner.errors",
@@ -147,7 +150,8 @@ __all__, __getattr__ = lazy(
         "plan_free_move": "planner.motion.free_move",
         "plan_handover": "planner.two_arms.handover.search",
         "plan_joint_move": "planner.motion.joint_move",
-        "plan_pair_move": "planner.two_arms.pair_move",
+        "plan_pair_carry": "planner.two_arms.pair_moves.pair_carry",
+        "plan_pair_move": "planner.two_arms.pair_moves.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",

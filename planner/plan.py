@@ -61,7 +61,8 @@ class Claim:
 
     Plan files keep claims of every kind. `verify` does not certify a plan with a claim of a kind
     that it cannot check. It checks "upright": an axis of the held body, `axis_x`, `axis_y` and
-    `axis_z`, stays within `max_tilt_rad` of the vertical.
+    `axis_z`, stays within `max_tilt_rad` of the vertical; and "straight", without values: the held
+    body moves along a straight line with an even turn, within the plan's `line_tolerance`.
 
     Attributes:
         kind: the name of the property, such as "upright".

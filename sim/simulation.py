@@ -404,7 +404,7 @@ class Simulation(OneLine):
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
-        elif world.is_held(name):
+        elif world.is_held(name):  # by the other hand
             timeline.released(limb, name)
             yield self._slide(limb, finger_m)
         else:

@@ -26,8 +26,8 @@ A plan of both arms on a common clock has the format "baxter-kin two-arm plan". 
 `start`, `plans` ("left" and "right", each as in a plan file), `begins_s` (when the steps of each
 arm begin on the clock, s), `grip_s` (how long each gripper action takes on the clock, s) and
 `failure`; `states` has those of each arm. Its certificate has an entry as above for each arm, in a
-world without the other arm and without the bodies that the other arm handles, and one, `between`,
-whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
+world without the other arm and without the bodies that only the other arm handles, and one,
+`between`, whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
 
 A gripper action of a plan of both arms that opens may have a `receiver`: the other arm, which holds
 the body then. The giver handles no body after that, and the receiver none before. The start of the
@@ -137,8 +137,9 @@ class Certified:
         bare: links of the robot without a shape, for which no clearance is certified.
         worst: upper bounds on other quantities by name, m and rad, each with where it occurs:
             "distance from line", "turn from line", "distance from path", "turn from path", "held
-            bodies off their hands", "gap of closed pads", "slide in contact" and "drop at release";
-            only those that the plan has.
+            bodies off their hands", "gap of closed pads", "slide in contact", "drop at release",
+            and of both arms "distance of hands in one body" and "turn of hands in one body"; only
+            those that the plan has.
         assumed: assumptions of the caller of a motion, as phrases.
         not_judged: quantities of a motion whose limits were not judged.
     """
@@ -279,15 +280,16 @@ def check_both(
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
     parts: dict[str, Timeline | BothArms] = {**timelines, BETWEEN: both}
     found = {name: _certified(part, body, certificates[name]) for name, part in parts.items()}
-    arms = {side: replace(found[side], worst=timelines[side].worst) for side in LIMBS}
-    return {**found, **arms}
+    return {name: replace(found[name], worst=part.worst) for name, part in parts.items()}
 
 
 def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """For each arm, the document of its own plan in a world without the other's bodies.
 
+    A body that both handle is in the worlds of both.
+
     Raises:
-        NotCertifiedError: when both arms handle a body, or a hand is not empty at first.
+        NotCertifiedError: when a hand is not empty at first.
     """
     plan = document["plan"]
     start, bodies, found = plan["start"], plan["start"]["scene"]["bodies"], {}
@@ -297,14 +299,12 @@ def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         for side in LIMBS
     }
     given = {side: handed_over(plan["plans"][side]["steps"], side) for side in LIMBS}
-    handed = given["left"] | given["right"]
-    shared = (handled["left"] & handled["right"]) - {None} - handed
-    require(not shared, f"both arms handle {', '.join(map(str, sorted(shared)))}")
+    shared = handled["left"] & handled["right"]
     for side, other in (LIMBS, LIMBS[::-1]):
         own = plan["plans"][side]
         _require_steps(False, own["steps"])
         require(own["limb"] == side, f"the plan of the {side} arm is of the {own['limb']} arm")
-        theirs = handled[other] - given[side]
+        theirs = handled[other] - shared
         kept = {name: body for name, body in bodies.items() if name not in theirs}
         for name in given[other]:
             there = own["start"]["scene"]["bodies"][name]

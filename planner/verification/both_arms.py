@@ -15,15 +15,21 @@ from baxter_kin.validation import expect
 from planner.certificate.checking import BETWEEN, Certified, Witness, alone, check_both
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
-from planner.certificate.timeline import StepWitness
+from planner.certificate.timeline import TOGETHER_M, TOGETHER_RAD, StepWitness
 from planner.certificate.timeline.both_arms import BothArms
 from planner.errors import TaskError
 from planner.prover.problem import SHARES, NotShownError
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.plan_file import two_arm_document
-from planner.verification.certificate import Certificate
+from planner.verification.certificate import Certificate, Check, Worst
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of, witness_of
+
+OF_HANDS = (
+    ("distance of hands in one body", TOGETHER_M, "m"),
+    ("turn of hands in one body", TOGETHER_RAD, "rad"),
+)
+"""What is checked of the hands that hold one body, the bounds and their units."""
 
 
 @frozen(error=TaskError)
@@ -39,6 +45,8 @@ class TwoArmCertificate:
         apart_m: the proven distance of both arms, with the bodies that they handle, in each window
             of the clock, by label and in order.
         grip_s: what was assumed of each gripper action: that it takes no longer.
+        checks: how far the hands leave their poses in a body that both hold, at any instant; empty
+            where there is no such body.
     """
 
     arms: Mapping[str, Certificate] = mapping()
@@ -47,11 +55,13 @@ class TwoArmCertificate:
     rows: int = 0
     apart_m: tuple[tuple[str, float], ...] = ()
     grip_s: float = 0.0
+    checks: tuple[Check, ...] = ()
 
     @property
     def is_valid(self) -> bool:
-        """Whether the checker certifies the plan and every check of both arms is passed."""
-        return not self.reason and all(arm.is_valid for arm in self.arms.values())
+        """Whether the checker certifies the plan and every check is passed."""
+        are_passed = all(check.is_passed for check in self.checks)
+        return not self.reason and are_passed and all(arm.is_valid for arm in self.arms.values())
 
     @property
     def clearance_m(self) -> float:
@@ -62,6 +72,7 @@ class TwoArmCertificate:
     def verdict(self) -> str:
         """The verdict as one sentence, with the reasons of a refusal."""
         failed = [arm.verdict for arm in self.arms.values() if not arm.is_valid]
+        failed += [str(check) for check in self.checks if not check.is_passed]
         if self.reason or failed:
             return f"not valid: {'; '.join(filter(None, (self.reason, *failed)))}"
         return (
@@ -72,7 +83,7 @@ class TwoArmCertificate:
     def __str__(self) -> str:
         apart = [f"{label:36} {1e3 * apart:9.3f} mm" for label, apart in self.apart_m]
         tables = [f"{side} arm\n{self.arms[side].table()}" for side in self.arms]
-        return "\n".join([self.verdict, *tables, *apart])
+        return "\n".join([self.verdict, *tables, *map(str, self.checks), *apart])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON; a value that is not finite is null."""
@@ -83,6 +94,7 @@ class TwoArmCertificate:
             "rows": self.rows,
             "grip_s": self.grip_s,
             "apart_m": [[label, apart] for label, apart in self.apart_m],
+            "checks": [check.as_dict() for check in self.checks],
             "arms": {side: arm.as_dict() for side, arm in self.arms.items()},
         }
 
@@ -119,6 +131,11 @@ def verify_both(
         rows=between.rows,
         apart_m=between.clearances_m,
         grip_s=plan.grip_s,
+        checks=tuple(
+            Worst(*between.worst[name]).at_most(bound, name, unit)
+            for name, bound, unit in OF_HANDS
+            if name in between.worst
+        ),
     )
 
 
@@ -160,8 +177,8 @@ def _certified(
         side: SoughtTimeline(own, known.text, is_alone=True)
         for side, own in alone(document).items()
     }
-    found = {side: timeline.witness() for side, timeline in timelines.items()}
     both = BothArms(body, timelines, plan.begins_s, plan.grip_s)
+    found = {side: timeline.witness() for side, timeline in timelines.items()}
     none = [StepWitness()] * both.windows
     for share in SHARES:
         try:

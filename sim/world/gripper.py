@@ -184,7 +184,8 @@ class Gripper(OneLine):
         expect(closing, Closing, "closing", SimulationError)
         self._world.set_fingers(self._side, finger_m)
         for push in closing.pushes:
-            self._world.slide(push.body, push.pose(finger_m))
+            if not self._world.is_held(push.body):  # else the other hand has closed on it meanwhile
+                self._world.slide(push.body, push.pose(finger_m))
 
     def finish(self, closing: Closing) -> None:
         """End a closing where it ends: hold the body, or report a miss from then on."""
@@ -429,15 +430,21 @@ class Squeeze:
         for gap_m, part, other in self._pairs(first, second):
             if gap_m - passed_m > max_m:
                 break  # all others are farther apart
-            moving = _moved(part, start_m * CLOSING_AXIS)
+            moving, lift = _moved(part, start_m * CLOSING_AXIS), self._lift_of(first)
             still = _moved(other, still_m * CLOSING_AXIS)
-            travel_m = travel_to_contact(_moved(moving, self._lift), along, still, max_m)
+            travel_m = travel_to_contact(_moved(moving, lift), along, still, max_m)
             if travel_m is not None and first.is_finger:  # the lift lets it pass over a support
                 exact_m = travel_to_contact(moving, along, still, max_m)
                 travel_m = travel_m if exact_m is None else exact_m
             if travel_m is not None:
                 found = max_m = travel_m
         return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
+
+    def _lift_of(self, slider: Slider) -> FloatArray:
+        """How far something is lifted to pass over its support; fingers never along their way."""
+        along = float(self._lift @ CLOSING_AXIS) if slider.is_finger else 0.0
+        lift: FloatArray = self._lift - along * CLOSING_AXIS
+        return lift
 
     def _pairs(self, first: Slider, second: Slider) -> list[tuple[float, Part, Part]]:
         """The shapes of two things that may meet, and their first distance along y.
@@ -446,7 +453,8 @@ class Squeeze:
         """
         key = first.name, second.name
         if key not in self._known:
-            lifted = [(part, _extents(_moved(part, self._lift))) for part in first.parts]
+            lift = self._lift_of(first)
+            lifted = [(part, _extents(_moved(part, lift))) for part in first.parts]
             others = [(part, _extents(part)) for part in second.parts]
             pairs = [
                 (_gap_along_y(one, two, first.sign), part, other)

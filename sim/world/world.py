@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.display import OneLine, listing, quoted
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Hand, Scene, State
 from planner.collision.robot.robot_body import RobotBody
@@ -285,6 +286,8 @@ class World(OneLine):
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
         """Let a body move with a hand from now on.
 
+        A body that both hands hold moves with the left one.
+
         Raises:
             SceneError: when the body is not there.
             PoseError: when the pose is not a valid one.
@@ -360,7 +363,10 @@ class World(OneLine):
 
     def _carry(self, side: str) -> None:
         held = self._held.get(side)
-        if held is not None:
+        if held is None:
+            return
+        hands = [each for each in self._held if self._held[each].body == held.body]
+        if side == min(hands, key=LIMBS.index):  # the other one follows
             self._put(held.body, self.T_base_tip(side) * held.T_link_body)
 
     def _put(self, name: str, T_base_body: pin.SE3) -> None:

@@ -15,6 +15,11 @@ the same place. While a hand acts its arm rests, and what travels is replaced by
 fingers stand at the middle of their way and are thicker by half of it; a body that is pushed, or
 falls after its release, stands where it begins and is thicker by the whole way, which is straight.
 
+A body that both arms carry is in the timelines of both, which show that each arm keeps clear of
+it, and it of everything else, as that arm carries it. Here is shown that both mean the same body at
+the same pose: both hands close on it and open at the same times, do not push it, and at every
+instant in between the right tip stays where it is in the body, seen from the left hand.
+
 A body that is handed over belongs to the giver until that has arrived, and to the receiver from its
 next move on. In between it rests where the giver holds it, which is where the receiver's timeline
 has it: both timelines compare it with all that is near, the hands among it. So the clock must have
@@ -37,10 +42,12 @@ from planner.certificate.clusters import Clusters
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import Array, Interval, Pose, norm_bound
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import ARM_JOINTS, OTHER_LIMB, Robot
+from planner.certificate.robot import ARM_JOINTS, OTHER_LIMB, Robot, poses_along
 from planner.certificate.rows import Mover, Pair, Step
 from planner.certificate.timeline.bodies import STATE_TOLERANCE, Situation
+from planner.certificate.timeline.contact import TOUCH_M
 from planner.certificate.timeline.steps import Timeline
+from planner.certificate.timeline.tip import TOGETHER_M, TOGETHER_RAD, relative_deviation
 
 LIMBS = tuple(OTHER_LIMB)
 
@@ -73,17 +80,24 @@ class HandToHand:
         spans: poses of each joint at position 0 seen from the one before, the first from the left
             hand.
         offsets: upper bounds on the lengths of their translations, shape (14,), m.
+        tip: pose of the right tip seen from the last joint.
     """
 
     spans: Sequence[Pose]
     offsets: Array
+    tip: Pose
 
     @classmethod
     def of(cls, left: Robot, right: Robot) -> HandToHand:
         """The chain of both arms of one robot."""
         back = [span.inverse() for span in left.spans]
         spans = [Pose.identity(), *back[:0:-1], back[0] * right.spans[0], *right.spans[1:]]
-        return cls(spans, np.array([float(norm_bound(span.p.magnitude)) for span in spans]))
+        offsets = np.array([float(norm_bound(span.p.magnitude)) for span in spans])
+        return cls(spans, offsets, right.tip)
+
+    def tips(self, q: Interval) -> Pose:
+        """Poses of the right tip seen from the left arm's last joint, shape (k, 14), rad."""
+        return poses_along(self.spans, q) * self.tip
 
 
 @dataclass(frozen=True)
@@ -130,6 +144,8 @@ class BothArms:
             the bodies of both arms in each window in which a hand acts.
         numbers: None for the first, then the number of the window of each.
         windows: number of windows.
+        worst: upper bounds on the deviation of the hands from their poses in a body that both hold,
+            by name, each with where it occurs; empty where there is no such body.
         duration_s: when the last step of both arms ends.
     """
 
@@ -153,7 +169,8 @@ class BothArms:
 
         Raises:
             NotCertifiedError: when a step begins before the previous one of its arm has ended, an
-                arm does not move, or there are other windows.
+                arm does not move, there are other windows, or the hands do not hold a body
+                together that both handle.
         """
         self._timelines, self.clusters = timelines, Clusters()
         self.robot = HandToHand.of(*(timelines[side].robot for side in LIMBS))
@@ -167,6 +184,7 @@ class BothArms:
             for side in LIMBS
         }
         self.duration_s = max(clock.end_s for clock in self._clocks.values())
+        self.worst: dict[str, tuple[float, str]] = {}
         self._exchanges = {each.body: each for each in self._handed_over()}
         self.steps = [Step("bodies of both arms at first", list(self._at_first()), None, _still())]
         self.numbers: list[int | None] = [None]
@@ -177,6 +195,7 @@ class BothArms:
         for number, (begin_s, end_s) in enumerate(windows):
             motion, label = self._motion(begin_s, end_s), _label(begin_s, end_s)
             hands = [self._clocks[side].hand(0.5 * (begin_s + end_s)) for side in LIMBS]
+            self._require_together(hands, motion, label)
             left, right = (
                 list(self._of_side(side, hand, (begin_s, end_s)))
                 for side, hand in zip(LIMBS, hands, strict=True)
@@ -252,11 +271,69 @@ class BothArms:
                 for T in (there, held):
                     off_m = float(norm_bound((T.p - brought.p).magnitude))
                     turned = float(norm_bound((T.R - brought.R).magnitude.reshape(9)))
-                    require(
-                        max(off_m, turned) <= HANDED_M,
-                        f"{label}: the hands hold it {1e3 * off_m:.4f} mm apart",
-                    )
+                    is_one = max(off_m, turned) <= HANDED_M
+                    require(is_one, f"{label}: the hands hold it {1e3 * off_m:.4f} mm apart")
+                    self._note((off_m, turned), label)
                 yield _Exchange(name, giver, arrives_s, leaves_s)
+
+    # A body in both hands
+
+    def _require_together(self, hands: Sequence[_Hand], motion: Polynomials, label: str) -> None:
+        """Refuse a body of both arms' worlds that one hand alone handles, or that they tear."""
+        held = {
+            now.held[0]
+            for timeline in self._timelines.values()
+            for now in timeline.situations
+            if now.held is not None
+        }
+        scenes = [self._timelines[side].bodies.scene for side in LIMBS]
+        for name in sorted(held.intersection(*scenes).difference(self._exchanges)):
+            holds = [
+                [now.held is not None and now.held[0] == name for now in (hand.before, hand.after)]
+                for hand in hands
+            ]
+            require(holds[0] == holds[1], f"{label}: one hand alone holds {name}")
+            if all(holds[0]):
+                self._require_one_pose(name, hands, motion, label)
+            elif any(holds[0]):
+                self._require_one_place(name, hands, label)
+
+    def _require_one_pose(
+        self, name: str, hands: Sequence[_Hand], motion: Polynomials, label: str
+    ) -> None:
+        """Refuse hands that leave their poses in a body that both hold."""
+        left, right = (hand.before.held[1] for hand in hands if hand.before.held is not None)
+        T_left_tip = left * right.inverse() * self.robot.tip
+        off = relative_deviation(self.robot, motion, T_left_tip, label)
+        self._note(off, f"{label}, {name}")
+
+    def _note(self, off: tuple[float, float], where: str) -> None:
+        """Keep the greatest deviation of the hands from their poses in a body, m and rad."""
+        for what, value in zip(("distance", "turn"), off, strict=True):
+            key = f"{what} of hands in one body"
+            if value > self.worst.get(key, (-np.inf, ""))[0]:
+                self.worst[key] = value, where
+
+    def _require_one_place(self, name: str, hands: Sequence[_Hand], label: str) -> None:
+        """Refuse hands that push a body on which both close, or put it down at two places."""
+        placed = []
+        for side, hand in zip(LIMBS, hands, strict=True):
+            ends = [self._seen_from_base(side, name, now) for now in (hand.before, hand.after)]
+            placed.append(ends[1])
+            if hand.after.held is not None:
+                pushed_m = float(norm_bound((ends[1].p - ends[0].p).magnitude))
+                is_still = pushed_m <= TOUCH_M
+                require(is_still, f"{label}: the {side} hand pushes {name}, which both close on")
+        off_m = float(norm_bound((placed[1].p - placed[0].p).magnitude))
+        turned = float(norm_bound((placed[1].R - placed[0].R).magnitude.reshape(9)))
+        is_one = off_m <= TOGETHER_M and turned <= TOGETHER_RAD
+        require(is_one, f"{label}: the hands have {name} at two places, {1e3 * off_m:.4f} mm apart")
+
+    def _seen_from_base(self, side: str, name: str, now: Situation) -> Pose:
+        """The pose of a body that an arm handles."""
+        if now.held is not None and now.held[0] == name:
+            return self._timelines[side].bodies.joint_pose(now.arm[0]) * now.held[1]
+        return now.at[name]
 
     # What moves, and with what
 
@@ -278,13 +355,7 @@ class BothArms:
         before, after = hand.before, hand.after
         if before is after and before.held is not None and before.held[0] == name:
             return self._placed(side, name, before.held[1], ARM_JOINTS, 0.0)
-        bodies = self._timelines[side].bodies
-        ends = []
-        for now in (before, after):
-            if now.held is not None and now.held[0] == name:
-                ends.append(bodies.joint_pose(now.arm[0]) * now.held[1])
-            else:
-                ends.append(now.at[name])
+        ends = [self._seen_from_base(side, name, now) for now in (before, after)]
         moved_m = 0.0
         if before is not after:
             turned = float(norm_bound((ends[1].R - ends[0].R).magnitude.reshape(9)))

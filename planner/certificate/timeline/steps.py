@@ -310,24 +310,33 @@ class Timeline:
         label = step["label"]
         tip.require_goal(self.robot, motion, step["T_base_tip"], label)
         if step["is_straight"] and motion.duration_s > 0.0:
-            tolerance = self._plan["line_tolerance"]
-            off_m, turn = path.line_deviation(self.robot, motion, tolerance, label)
-            self._note("distance from line", label, off_m)
-            self._note("turn from line", label, turn)
+            self._note_line(self.robot, motion, label)
         if step.get("path") is not None:
             off_m, turn = path.path_deviation(self.robot, motion, step["path"], label)
             self._note("distance from path", label, off_m)
             self._note("turn from path", label, turn)
 
+    def _note_line(self, robot: Robot, motion: Polynomials, label: str) -> None:
+        """Refuse a tip, or a body as a tip, that leaves its straight line."""
+        off_m, turn = path.line_deviation(robot, motion, self._plan["line_tolerance"], label)
+        self._note("distance from line", label, off_m)
+        self._note("turn from line", label, turn)
+
     def _require_claim(
         self, claim: Mapping[str, Any], motion: Polynomials, now: Situation, label: str
     ) -> None:
-        require(claim["kind"] == "upright", f"{label}: a claim that is not known")
+        kind, values = claim["kind"], claim["values"]
+        require(kind in ("upright", "straight"), f"{label}: a claim that is not known")
         if now.held is None:
-            raise NotCertifiedError(f"{label}: what stays upright is not in the hand")
+            raise NotCertifiedError(f"{label}: what stays {kind} is not in the hand")
         _, T_joint_body = now.held
-        tilt = tip.require_upright(self.robot, motion, T_joint_body, claim["values"], label)
-        self._note("tilt of held body", label, tilt)
+        if kind == "upright":
+            tilt = tip.require_upright(self.robot, motion, T_joint_body, values, label)
+            self._note("tilt of held body", label, tilt)
+            return
+        require(not values, f"{label}: a straight line of a body is stated in another way")
+        if motion.duration_s > 0.0:
+            self._note_line(self.robot.with_tip(T_joint_body), motion, label)
 
     def _require_windows(
         self,

@@ -740,6 +740,13 @@ class _TwoArmCheck(_Check):
         if not certificate.is_valid:
             raise _RefusedError("plan", certificate.verdict)
         self._found("plan", certificate.verdict)
+        if certificate.checks:
+            text = "both hands hold one body; no proof says how far arms that lag leave it"
+            if not self._link.is_simulated:
+                raise _RefusedError(
+                    "tracking", f"{text}; only a simulated Baxter carries out such a plan"
+                )
+            self._found("tracking", f"carried out despite this: {text}")
         if certificate.clearance_m <= KEPT_M:
             raise _RefusedError(
                 "clearance",

@@ -243,7 +243,7 @@ EDITS: dict[str, tuple[Change, str | None]] = {
     "grips take longer": (stating(grip_s=0.7), "before the one before"),
     "another start of an arm": (turned("left_w0", 0.01), "does not begin where the arm is"),
     "both bodies at one place": (moved("left", "right"), None),
-    "a body of the other arm": (handled("right"), "both arms handle right"),
+    "a body of the other arm": (handled("right"), None),
     "a hand holds something": (held, "holds something at first"),
     "an arm stands still": (without_moves, "does not move"),
     "it failed": (stating(failure={"stage": "together", "reason": "none"}), "failed"),

@@ -12,7 +12,7 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from planner import PlanFailure, Response, TwoArmPlan
+from planner import Manipulator, PlanFailure, Response, TwoArmPlan, plan_pair_carry
 from planner.motion.response import TICK_S
 from sim import EventKind
 from sim.errors import SimulationError
@@ -20,6 +20,7 @@ from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.readiness import ExecutionOptions, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
+from tests.planner.two_arms.pair_moves import carries
 from tests.sim.ros1.execution.conftest import FAST, Network, networked_at
 from tests.sim.runs import Witness
 
@@ -323,3 +324,15 @@ def test_an_invalid_plan_is_refused(both: Network, two_arm_plan: TwoArmPlan) -> 
     with pytest.raises(SimulationError, match="cannot be executed: together: no solution"):
         both.executor().execute(broken)
     assert both.robot.commands == []
+
+
+def test_a_body_in_both_hands_is_refused_where_arms_lag(robot: Baxter) -> None:
+    manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
+    task, state = carries.bar(manipulators)
+    plan = plan_pair_carry(task, manipulators, state)
+    assert plan.is_valid, plan.failure
+    with networked_at(robot, plan) as network:
+        found = network.executor().prepare(plan)
+    assert found.ready is None
+    assert [each.name for each in found.failures] == ["tracking"]
+    assert "both hands hold one body" in str(found.failures[0])
