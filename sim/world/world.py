@@ -304,7 +304,7 @@ class World(OneLine):
             self._poses[name].homogeneous,
             atol=PRESSING_TOLERANCE_M,
         ):
-            raise SimulationError(f"{quoted(name)} is in the other hand, elsewhere; open it first")
+            self._refuse_held(name)
         self._held[side] = Attachment(name, self.robot.arm(side).tip_frame, T)
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
