@@ -28,6 +28,10 @@ from planner import (
     plan_together,
 )
 from planner.clearance import Clearance, ContinuousProof
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
+from planner.two_arms.pair import PairSearch
+from planner.two_arms.problem import Problem, Requirements
+from planner.two_arms.together import DEFAULT_GRIP_S
 from tests.conftest import at
 from tests.planner.two_arms.pairs import pair, started
 
@@ -58,6 +62,20 @@ def check(plan: TwoArmPlan, **options: float) -> list[Any]:
 @pytest.mark.slow
 def test_a_right_plan_is_not_contradicted_nor_is_its_proof(plan: TwoArmPlan) -> None:
     assert plan.proof is not None
+    assert check(plan, apart_m=plan.proof.proven_m) == []
+
+
+@pytest.mark.slow
+def test_a_plan_in_turn_is_not_contradicted_nor_is_its_proof(
+    manipulators: dict[str, Manipulator],
+) -> None:
+    left, right = ((0.65, 0.2, 0.0), (0.75, 0.4, 0.5)), ((0.75, -0.2, 0.3), (0.65, -0.4, 0.0))
+    tasks, arms, state = pair(manipulators, left, right)
+    handled = {side: frozenset({side}) for side in LIMBS}
+    requirements = Requirements(0.0, DEFAULT_GRIP_S, DEFAULT_TOLERANCE)
+    plan = PairSearch(Problem(arms, state, handled, requirements), tasks).in_turn("as a test")
+    assert plan.proof is not None
+    assert plan.in_turn
     assert check(plan, apart_m=plan.proof.proven_m) == []
 
 
