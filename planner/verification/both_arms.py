@@ -8,7 +8,7 @@ from typing import Any
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.display import clear, seconds
-from baxter_kin.fields import frozen, mapping
+from baxter_kin.fields import evolve, field, field_names, frozen, mapping
 from baxter_kin.files.json_text import Json
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import expect
@@ -22,6 +22,7 @@ from planner.prover.problem import SHARES, NotShownError
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.plan_file import two_arm_document
 from planner.verification.certificate import Certificate, Check, Worst
+from planner.verification.inspection import robot_difference
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of, witness_of
 
@@ -47,6 +48,8 @@ class TwoArmCertificate:
         grip_s: what was assumed of each gripper action: that it takes no longer.
         checks: how far the hands leave their poses in a body that both hold, at any instant; empty
             where there is no such body.
+        subject: the plan that was checked, for its own robot; None unless `verify_both` made the
+            certificate in this process.
     """
 
     arms: Mapping[str, Certificate] = mapping()
@@ -56,6 +59,12 @@ class TwoArmCertificate:
     apart_m: tuple[tuple[str, float], ...] = ()
     grip_s: float = 0.0
     checks: tuple[Check, ...] = ()
+    subject: TwoArmPlan | None = field(default=None, repr=False, eq=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle everything but the subject."""
+        kept = (getattr(self, name) for name in field_names(self) if name != "subject")
+        return type(self), tuple(kept)
 
     @property
     def is_valid(self) -> bool:
@@ -79,6 +88,17 @@ class TwoArmCertificate:
             f"valid: both arms, {self.duration_s:.3f} s, at least {1e3 * self.clearance_m:.1f} mm "
             f"apart; assumed: one clock for both, gripper actions of at most {self.grip_s:g} s"
         )
+
+    def is_of(self, plan: TwoArmPlan) -> bool:
+        """Whether `verify_both` made this certificate in this process, for this plan.
+
+        The plan must be the same object; a copy, or the same plan read from a file again, does not
+        count. False as well for a certificate that was made for another robot than the plan's.
+
+        Raises:
+            TaskError: when the argument has the wrong type.
+        """
+        return self.subject is expect(plan, TwoArmPlan, "plan", TaskError)
 
     def __str__(self) -> str:
         apart = [f"{label:36} {1e3 * apart:9.3f} mm" for label, apart in self.apart_m]
@@ -120,6 +140,11 @@ def verify_both(
         TaskError: when an argument has the wrong type.
     """
     known = _known(plan, description)
+    differs = any(robot_difference(own, known) for own in plan.plans.values())
+    return evolve(_verified(plan, known), subject=None if differs else plan)
+
+
+def _verified(plan: TwoArmPlan, known: RobotDescription) -> TwoArmCertificate:
     try:
         _, found = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:

@@ -538,7 +538,7 @@ class Workbench(OneLine):
         certificate = verify_both(plan, description=self.robot.description)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}", False
-        outcome = self.simulation.execute(plan, unverified=True)  # it is verified
+        outcome = self.simulation.execute(plan, certificate=certificate)
         self.motion_s += _moving_s(plan)
         order = f"in turn: {plan.in_turn}" if plan.in_turn else "at the same time"
         return outcome.failure or f"verified, both arms {order}", outcome.is_success

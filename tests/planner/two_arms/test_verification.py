@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +14,14 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Manipulator, PlanFailure, TwoArmPlan, load_two_arm_plan, save_two_arm_plan
+from planner import (
+    Manipulator,
+    PlanFailure,
+    TwoArmCertificate,
+    TwoArmPlan,
+    load_two_arm_plan,
+    save_two_arm_plan,
+)
 from planner.certificate.__main__ import main as check_file
 from planner.certificate.checking import Witness, check_both
 from planner.certificate.errors import NotCertifiedError
@@ -95,6 +103,26 @@ def test_files_of_other_plans_are_refused(plain_plan: TwoArmPlan, tmp_path: Path
     (tmp_path / "both.json").write_text(text.replace('"grip_s": 0.5', '"grip_s": 0.4'))
     with pytest.raises(PlanFileError, match="checksum"):
         load_two_arm_plan(tmp_path / "both.json")
+
+
+def test_a_certificate_of_both_is_of_its_plan_alone(plain_plan: TwoArmPlan) -> None:
+    certificate = verify_both(plain_plan)
+    assert certificate.is_of(plain_plan)
+    assert not certificate.is_of(evolve(plain_plan))
+    assert not pickle.loads(pickle.dumps(certificate)).is_of(plain_plan)
+    assert not TwoArmCertificate({}, 1.0).is_of(plain_plan)
+    with pytest.raises(TaskError):
+        certificate.is_of(plain_plan.plans["left"])  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_certificate_for_another_robot_is_of_no_plan(
+    robot: Baxter, plain_plan: TwoArmPlan
+) -> None:
+    faster = robot.description.text.replace('velocity="1.5"', 'velocity="1.6"')
+    certificate = verify_both(plain_plan, description=Baxter.load(faster).description)
+    assert certificate.is_valid
+    assert not certificate.is_of(plain_plan)
 
 
 def test_a_plan_that_failed_is_not_certified(plain_plan: TwoArmPlan) -> None:

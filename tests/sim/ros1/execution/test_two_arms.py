@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from planner.motion.response import TICK_S
 from sim import EventKind
 from sim.errors import SimulationError
 from sim.ros1.execution.execution import MeasuredOutcome
-from sim.ros1.execution.readiness import ExecutionOptions, ReadyTwoArmPlan
+from sim.ros1.execution.readiness import START_MOVE_LABEL, ExecutionOptions, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from tests.planner.two_arms.pair_moves import carries
@@ -301,7 +302,7 @@ class Refusal:
 REFUSALS = [
     Refusal("speed", "lower speed", evolve(FAST, pace=Pace(1.0))),
     Refusal("tracking", "no tracking proof", evolve(FAST, response=Response((0.1, 0.2)))),
-    Refusal("start", "the right arm stands 0.100 rad from it", right_w0_off=0.1),
+    Refusal("start", "right_w0 stands", right_w0_off=6.0),
 ]
 
 
@@ -317,6 +318,56 @@ def test_what_cannot_be_executed_is_refused_and_nothing_is_sent(
     assert [finding.name for finding in found.failures] == [refusal.name]
     assert refusal.text in found.failures[0].text
     assert both.robot.commands == []
+
+
+def assert_starts_in_order(ready: ReadyTwoArmPlan, order: tuple[str, ...]) -> None:
+    """Arms move to the start one after the other, before anything else begins."""
+    steps = ready.plan.steps
+    first = steps[: len(order)]
+    assert [timed.side for timed in first] == list(order)
+    assert {timed.step.label for timed in first} == {START_MOVE_LABEL}
+    for before, after in pairwise(steps[: len(order) + 1]):
+        assert after.begin_s >= before.end_s - 1e-9
+
+
+def test_arms_that_stand_elsewhere_go_to_the_start_one_after_the_other(
+    both: Network, robot: Baxter, two_arm_plan: TwoArmPlan
+) -> None:
+    for name, off in (("left_w1", 0.3), ("right_s0", -0.2)):
+        both.robot.q[name] += off
+        both.robot.goal[name] += off
+    both.bus.clock.sleep(0.1)
+    found = both.executor().prepare(two_arm_plan)
+    ready = found.ready
+    assert ready is not None, found.failures
+    assert_starts_in_order(ready, LIMBS)
+    for side in LIMBS:
+        at = robot.arm(side).joint_names
+        assert [both.robot.q[name] for name in at] == pytest.approx(ready.plan.plans[side].q_start)
+    witness = Witness()
+    outcome = both.executor(witness).execute(ready)
+    assert outcome.is_success, outcome.failure
+    assert witness.kinds.count(EventKind.RELEASED) == 2
+    for side in LIMBS:
+        goal = two_arm_plan.plans[side].moves[-1].trajectory.q_goal
+        assert np.abs(measured(both, robot, side) - goal).max() < 0.0087
+
+
+def test_an_arm_in_the_way_of_the_other_goes_to_its_start_first(
+    both: Network, robot: Baxter, two_arm_plan: TwoArmPlan
+) -> None:
+    """The right hand is where the left one starts, so the left arm cannot go there first."""
+    left, right = robot.arm("left"), robot.arm("right")
+    there = left.T_base_tip(two_arm_plan.plans["left"].q_start)
+    in_the_way = Manipulator.of(robot, "right").ik.solve(there, seed=right.start)
+    assert in_the_way.q is not None
+    standing = left.joints(left.neutral) | right.joints(in_the_way.q)
+    both.robot.q |= standing
+    both.robot.goal |= standing
+    both.bus.clock.sleep(0.1)
+    found = both.executor().prepare(two_arm_plan)
+    assert found.ready is not None, found.failures
+    assert_starts_in_order(found.ready, ("right", "left"))
 
 
 def test_an_invalid_plan_is_refused(both: Network, two_arm_plan: TwoArmPlan) -> None:
