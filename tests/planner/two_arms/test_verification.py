@@ -81,12 +81,13 @@ def test_arms_whose_ways_cross_must_keep_their_clock(crossing_plan: TwoArmPlan) 
 def test_a_file_has_what_the_checker_needs(
     robot: Baxter,
     plain_plan: TwoArmPlan,
+    document: Data,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     file, urdf = tmp_path / "both.json", tmp_path / "robot.urdf"
     urdf.write_text(robot.description.text)
-    save_two_arm_plan(plain_plan, file, certificate=certificate_of_both(plain_plan))
+    save_two_arm_plan(plain_plan, file, certificate=document["certificate"])
     assert check_file([str(file), "--urdf", str(urdf)]) == 0
     assert "both arms, 0.000 to" in capsys.readouterr().out
     read = load_two_arm_plan(file)
