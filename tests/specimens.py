@@ -93,6 +93,7 @@ def specimens_of(
             0.5,
             failure=planner.PlanFailure("place: descend", "both hands cannot be there at once"),
         ),
+        "handover": planner.Handover("stick", PLACE, "right", where=(0.7, 0.0, 0.2)),
         "pair carry": planner.PairCarry("tray", {"left": FAR, "right": FAR}, PLACE),
         "pair move": planner.PairMove(
             "tray",

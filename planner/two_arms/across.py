@@ -304,16 +304,17 @@ class Across:
             self._obstacles[at, extra_m] = found
         return self._obstacles[at, extra_m]
 
-    def looks_clear(self, plan: TwoArmPlan, step_s: float) -> bool:
-        """Whether both arms keep clear in a plan, at samples."""
+    def first_hit_s(self, plan: TwoArmPlan, step_s: float) -> float | None:
+        """The first of samples of a plan at which the arms are too close; None without any."""
         motion = plan.trajectory
         for window in windows_of(plan, self.episodes):
             context = self.context(window.episodes)
             count = 2 + int((window.end_s - window.begin_s) / step_s)
-            qs = motion.sample(np.linspace(window.begin_s, window.end_s, count)).q
-            if not all(map(context.is_free, qs)):
-                return False
-        return True
+            times_s = np.linspace(window.begin_s, window.end_s, count)
+            for time_s, q in zip(times_s.tolist(), motion.sample(times_s).q, strict=True):
+                if not context.is_free(q):
+                    return float(time_s)
+        return None
 
     def prove(self, plan: TwoArmPlan) -> ContinuousResult:
         """A proof that both arms keep clear in a plan, or the contact that prevents it.

@@ -250,6 +250,7 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
             tuple(one("Polyline").pieces()), np.ones(1), speed_m_s=0.1
         ),
         "PairCarry": lambda: p.PairCarry(BODY, _body_tips(), one("SE3")),
+        "Handover": lambda: p.Handover(BODY, one("Body").T_base_body),
         "PairMove": _pair_move,
         "PickAndPlace": lambda: p.PickAndPlace(BODY, one("T_grasp"), one("T_grasp")),
         "Transfer": lambda: s.Transfer(
@@ -407,6 +408,7 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "strokes": _given(None),
         "side_by_side.each": _made_by(lambda: [one("JointLimits")]),
         "plan_pair_carry.task": _of("PairCarry"),
+        "plan_handover.task": _of("Handover"),
         "plan_together.tasks": _made_by(
             lambda: {side: one("PickAndPlace") for side in ("left", "right")}
         ),

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from itertools import islice, product
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,6 @@ import numpy as np
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import expect
-from planner.clearance import ContinuousContact
 from planner.collision.context import CollisionContext
 from planner.completion import after, state_of
 from planner.errors import TaskError
@@ -44,7 +43,7 @@ from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
 
 logger = logging.getLogger(__name__)
 
-MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 10
+MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 6
 """Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
 of each that are compared; and of meetings that are tried."""
 
@@ -209,23 +208,21 @@ class HandoverSearch:
         At first both arms are there as the meeting has them, if that is clear; then in any way.
         """
         for is_as_met in (True, False) if candidate.is_clear else (False,):
-            giver = self._giver(candidate, is_as_met=is_as_met)
-            if self._failed(giver.plan, self._task.giver):
-                continue
-            state = self._handed(giver.plan)
-            for taker in self._takers(candidate, giver, state, is_as_met=is_as_met):
-                if self._failed(taker.plan, self._task.taker):
+            for giver in self._givers(candidate, is_as_met=is_as_met):
+                if self._failed(giver.plan, self._task.giver):
                     continue
-                for brought in self._withdrawing(giver):
-                    plans = {self._task.giver: brought.plan, self._task.taker: taker.plan}
-                    plan = self._timed({side: plans[side] for side in LIMBS})
+                state = self._handed(giver.plan)
+                for taker in self._takers(candidate, giver, state, is_as_met=is_as_met):
+                    if self._failed(taker.plan, self._task.taker):
+                        continue
+                    plan = self._timed(giver, taker)
                     if plan is not None:
                         return plan
         return None
 
-    def _giver(self, candidate: Candidate, *, is_as_met: bool) -> ArmCycle:
-        task, problem = self._task, self._problem
-        T_body_giver = candidate.grasps.T_body_giver
+    def _givers(self, candidate: Candidate, *, is_as_met: bool) -> Iterator[ArmCycle]:
+        """The giver's cycle; and one that leads around the taker, as that stands at first."""
+        task, T_body_giver = self._task, candidate.grasps.T_body_giver
         giving = Giving(
             task.body,
             self._body.T_base_body * T_body_giver,
@@ -235,17 +232,13 @@ class HandoverSearch:
             reach_m=task.reach_m,
         )
         in_air = InAir("place", candidate.meeting.q[0] if is_as_met else None)
-        none: frozenset[str] = frozenset()
-        return ArmCycle.of(
-            *(giving, self._arms[0], problem.state, none, problem.requirements), in_air=in_air
-        )
+        return self._cycles(0, giving, (self._problem.state, self._problem.state), in_air)
 
     def _takers(
         self, candidate: Candidate, giver: ArmCycle, state: State, *, is_as_met: bool
     ) -> Iterator[ArmCycle]:
         """The taker's cycle; and one that leads around the giver, as that stands at its end."""
-        task, problem = self._task, self._problem
-        T_body_taker = candidate.grasps.T_body_taker
+        task, T_body_taker = self._task, candidate.grasps.T_body_taker
         taking = Taking(
             task.body,
             state.scene[task.body].T_base_body * T_body_taker,
@@ -255,29 +248,28 @@ class HandoverSearch:
             reach_m=task.reach_m,
         )
         in_air = InAir("pick", candidate.meeting.q[1] if is_as_met else None)
-        none: frozenset[str] = frozenset()
-        taker = ArmCycle.of(
-            *(taking, self._arms[1], state, none, problem.requirements), in_air=in_air
-        )
-        yield taker
-        if taker.plan.failure is not None:
-            return
-        joints = giver.manipulator.arm.joints(giver.q_end)
-        standing = evolve(state, joints={**state.joints, **joints})
-        around = ArmCycle.of(
-            *(taking, self._arms[1], standing, None, problem.requirements), in_air=in_air
-        )
-        if around.plan.is_valid:
-            yield taker.with_motions(around.motions)
+        joints = {**state.joints, **giver.manipulator.arm.joints(giver.q_end)}
+        return self._cycles(1, taking, (state, evolve(state, joints=joints)), in_air)
 
-    def _withdrawing(self, giver: ArmCycle) -> Iterator[ArmCycle]:
-        """The giver's cycle, alone and followed by moves out of the taker's way."""
-        yield giver
-        if self._problem.requirements.may_withdraw:
-            for q_goal in (giver.manipulator.arm.neutral, giver.plan.q_start):
-                withdrawn = giver.withdrawn(np.array(q_goal))
-                if withdrawn is not None:
-                    yield withdrawn
+    def _cycles(
+        self, arm: int, task: Giving | Taking, states: tuple[State, State], in_air: InAir
+    ) -> Iterator[ArmCycle]:
+        """The cycle of an arm alone, and one around the other arm, which stands still.
+
+        Args:
+            arm: 0 for the giver, 1 for the taker.
+            task: what it does.
+            states: robot and bodies at first, and with the other arm where it stands.
+            in_air: the end in the air.
+        """
+        none: frozenset[str] = frozenset()
+        manipulator, requirements = self._arms[arm], self._problem.requirements
+        alone = ArmCycle.of(task, manipulator, states[0], none, requirements, in_air=in_air)
+        yield alone
+        if alone.plan.is_valid:
+            around = ArmCycle.of(task, manipulator, states[1], None, requirements, in_air=in_air)
+            if around.plan.is_valid:
+                yield alone.with_motions(around.motions)
 
     def _failed(self, plan: Plan, side: str) -> bool:
         if plan.failure is None:
@@ -293,32 +285,63 @@ class HandoverSearch:
         state = self._problem.state
         return evolve(state, scene=state.scene.moved(self._task.body, released.T_base_body))
 
-    def _timed(self, plans: Mapping[str, Plan]) -> TwoArmPlan | None:
-        """The plan of both arms with the earliest times that are clear."""
-        problem, task = self._problem, self._task
-        across = problem.across(plans)
-        for share, is_late in product(LEAVING, (False, True)):
-            begins = begins_of_handover(
-                plans[task.giver], plans[task.taker], problem.requirements.grip_s, share, is_late
-            )
-            begins_s = dict(zip((task.giver, task.taker), begins, strict=True))
-            plan = TwoArmPlan(
-                problem.state, plans, begins_s, problem.requirements.grip_s, None, NOT_PROVEN
-            )
-            if not across.looks_clear(plan, LOOK_S):
-                reason = "the arms are in each other's way"
-                self._failure = PlanFailure("handover", reason)
-                continue
-            proven = with_proof(plan, across)
-            if not isinstance(proven, ContinuousContact):
-                return proven
-            self._failure = PlanFailure("handover", str(proven), contact=proven)
+    def _timed(self, giver: ArmCycle, taker: ArmCycle) -> TwoArmPlan | None:
+        """The plan of both cycles with the earliest times that are clear; or None.
+
+        Where the giver is in the taker's way after the handover, it withdraws.
+        """
+        found = self._on_clock(giver, taker)
+        if isinstance(found, TwoArmPlan):
+            return found
+        if found and self._problem.requirements.may_withdraw:
+            for q_goal in (giver.manipulator.arm.neutral, giver.plan.q_start):
+                withdrawn = giver.withdrawn(np.array(q_goal))
+                found = False if withdrawn is None else self._on_clock(withdrawn, taker)
+                if isinstance(found, TwoArmPlan):
+                    return found
         return None
 
+    def _on_clock(self, giver: ArmCycle, taker: ArmCycle) -> TwoArmPlan | bool:
+        """The plan; or whether all is clear until the body is handed over."""
+        problem, task = self._problem, self._task
+        by_side = {task.giver: giver.plan, task.taker: taker.plan}
+        plans = {side: by_side[side] for side in LIMBS}
+        across, grip_s = problem.across(plans), problem.requirements.grip_s
+        self._failure = PlanFailure("handover", "the arms are in each other's way")
+        for is_late in (False, True):
+            for share in LEAVING:
+                times = handover_times(giver.plan, taker.plan, grip_s, share, is_late=is_late)
+                begins_s = dict(zip((task.giver, task.taker), times.begins_s, strict=True))
+                plan = TwoArmPlan(problem.state, plans, begins_s, grip_s, None, NOT_PROVEN)
+                hit_s = across.first_hit_s(plan, LOOK_S)
+                if hit_s is None:
+                    proven = with_proof(plan, across)
+                    if isinstance(proven, TwoArmPlan):
+                        return proven
+                    self._failure = PlanFailure("handover", str(proven), contact=proven)
+                    hit_s = proven.nearest.time_s or 0.0
+                if hit_s < times.opens_s:
+                    break  # whenever the taker leaves
+            else:
+                return True
+        return False
 
-def begins_of_handover(
-    giver: Plan, taker: Plan, grip_s: float, share: float, is_late: bool
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
+
+class HandoverTimes(NamedTuple):
+    """When a handover happens on the clock.
+
+    Attributes:
+        begins_s: when each step of the giver and of the taker begins.
+        opens_s: when the giver's hand begins to open.
+    """
+
+    begins_s: tuple[tuple[float, ...], tuple[float, ...]]
+    opens_s: float
+
+
+def handover_times(
+    giver: Plan, taker: Plan, grip_s: float, share: float, *, is_late: bool
+) -> HandoverTimes:
     """When each step of the giver and the taker begins on the clock, as early as possible.
 
     Args:
@@ -340,7 +363,5 @@ def begins_of_handover(
     opens_s = max(arrives_s, closed_s)
     leaves_s = opens_s + grip_s + share * duration_of(giver.steps[gives + 1], grip_s)
     waits = {first: starts_late_s, takes + 1: leaves_s - closed_s}
-    return (
-        begins_of(giver, grip_s, {gives: opens_s - arrives_s}),
-        begins_of(taker, grip_s, waits),
-    )
+    begins = begins_of(giver, grip_s, {gives: opens_s - arrives_s}), begins_of(taker, grip_s, waits)
+    return HandoverTimes(begins, opens_s)
