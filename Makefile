@@ -45,4 +45,4 @@ SET_UP := $(addprefix $(VENV)/.,demo notebooks docs check test)
 $(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py
 	@$(PYTHON) -c "import sys; sys.version_info < (3, 7) and sys.exit('set-up: Python %d.%d is too old; baxter-kin needs 3.10 or later; call: make PYTHON=python3.12' % sys.version_info[:2])"
 	@$(PYTHON) scripts/set_up.py $* --venv $(VENV)
-	@touch $@ $(VENV)/.demo
+	@touch $@ $(VENV)/.demo $(if $(filter test,$*),$(VENV)/.check)

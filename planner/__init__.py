@@ -70,8 +70,12 @@ if TYPE_CHECKING:
     from planner.scene.objects import make_block as make_block
     from planner.state import State as State
     from planner.trajectory import Trajectory as Trajectory
-    from planner.two_arms.pair_move import PairMove as PairMove
-    from planner.two_arms.pair_move import plan_pair_move as plan_pair_move
+    from planner.two_arms.handover.search import plan_handover as plan_handover
+    from planner.two_arms.handover.task import Handover as Handover
+    from planner.two_arms.pair_moves.pair_carry import PairCarry as PairCarry
+    from planner.two_arms.pair_moves.pair_carry import plan_pair_carry as plan_pair_carry
+    from planner.two_arms.pair_moves.pair_move import PairMove as PairMove
+    from planner.two_arms.pair_moves.pair_move import plan_pair_move as plan_pair_move
     from planner.two_arms.plan import TwoArmPlan as TwoArmPlan
     from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
     from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
@@ -101,13 +105,15 @@ __all__, __getattr__ = lazy(
         "Grip": "planner.plan",
         "GripperAction": "planner.plan",
         "Hand": "planner.grasping.hand",
+        "Handover": "planner.two_arms.handover.task",
         "Line": "planner.pick_place.task",
         "LineTolerance": "planner.motion.paths.straight_line",
         "Manipulator": "planner.manipulator",
         "Mesh": "planner.scene.mesh",
         "MotionCertificate": "planner.verification",
         "Move": "planner.plan",
-        "PairMove": "planner.two_arms.pair_move",
+        "PairCarry": "planner.two_arms.pair_moves.pair_carry",
+        "PairMove": "planner.two_arms.pair_moves.pair_move",
         "Part": "planner.scene.bodies",
         "PathMove": "planner.motion.paths.path_move",
         "PathMoveError": "planner.errors",
@@ -142,8 +148,10 @@ __all__, __getattr__ = lazy(
         "make_block": "planner.scene.objects",
         "overhead_grasp": "planner.grasping.overhead",
         "plan_free_move": "planner.motion.free_move",
+        "plan_handover": "planner.two_arms.handover.search",
         "plan_joint_move": "planner.motion.joint_move",
-        "plan_pair_move": "planner.two_arms.pair_move",
+        "plan_pair_carry": "planner.two_arms.pair_moves.pair_carry",
+        "plan_pair_move": "planner.two_arms.pair_moves.pair_move",
         "plan_path_move": "planner.motion.paths.path_move",
         "plan_pick_and_place": "planner.pick_place.planning",
         "plan_retract": "planner.pick_place.planning",

@@ -118,6 +118,8 @@ def after(step: Step, state: State, manipulator: Manipulator) -> State:
         if held is None:
             return opened
         body = state.scene[held.body].at(T_base_tip * held.T_link_body)
+        if step.receiver:
+            return opened.released(body.name, body.T_base_body)
         landed = settle(body, list(state.scene.without(body.name))).body
         return opened.released(body.name, landed.T_base_body)
     if step.body is None:

@@ -61,7 +61,8 @@ class Claim:
 
     Plan files keep claims of every kind. `verify` does not certify a plan with a claim of a kind
     that it cannot check. It checks "upright": an axis of the held body, `axis_x`, `axis_y` and
-    `axis_z`, stays within `max_tilt_rad` of the vertical.
+    `axis_z`, stays within `max_tilt_rad` of the vertical; and "straight", without values: the held
+    body moves along a straight line with an even turn, within the plan's `line_tolerance`.
 
     Attributes:
         kind: the name of the property, such as "upright".
@@ -159,10 +160,13 @@ class Grip:
         state: robot and bodies at its beginning; None in a plan that is not complete.
         contacts: intended contacts during the action.
         limb: the arm of the gripper, "left" or "right"; a plan sets its own where this is "".
+        receiver: the other arm, when its hand holds the body, too, so that the body stays where it
+            is; "" for a body that is put down, and comes to rest below.
 
     Raises:
-        TaskError: when a value has the wrong type, or an opening is given that is not finite, is
-            negative, or belongs to a close.
+        TaskError: when a value has the wrong type, an opening is given that is not finite, is
+            negative, or belongs to a close, or a receiver is given that is no arm, or belongs to
+            something else than an open that releases a body.
     """
 
     label: str
@@ -173,12 +177,19 @@ class Grip:
     state: State | None = None
     contacts: tuple[Contact, ...] = ()
     limb: str = ""
+    receiver: str = ""
 
     def __attrs_post_init__(self) -> None:
+        is_open = self.action is GripperAction.OPEN
+        if self.receiver and not (self.receiver in LIMBS and is_open and self.body is not None):
+            raise TaskError(
+                f"{self.label}: only an open that releases a body has a receiver, the left or the "
+                f"right arm; got {self.action.value!r} of {self.body!r} to {self.receiver!r}"
+            )
         if self.opening_m is None:
             return
         opening = finite_scalar(self.opening_m, f"{self.label}: opening_m", TaskError)
-        if opening < 0.0 or self.action is not GripperAction.OPEN:
+        if opening < 0.0 or not is_open:
             raise TaskError(
                 f"{self.label}: only an open goes to a finger position, of 0 or more; got "
                 f"{self.action.value!r} to {opening:g} m"

@@ -17,12 +17,10 @@ median of each kind,
 - the duration of the same tasks in turn, relative to the makespan, gripper actions included,
 - the distance that is proven to be kept between the arms, and CPU seconds of planning.
 
-Samples of every plan, 1 ms apart, are checked by Pinocchio's broad phase to be no nearer than
-proven, or than 20 mm where more is proven. The planner's shapes for samples are thicker than
-Rethink's meshes, of which proofs consist, so 2 mm less is no contradiction: the check finds a wrong
-clock or wrong kinematics, not errors below 2 mm (`scripts/referee` has the meshes). In turn is
-planned for comparison only; its CPU time is not counted. The exit status is 1 when a sample
-contradicts the proof.
+Every plan is judged by the referee (`scripts/referee/both_arms.py`): Rethink's meshes every
+millisecond of the clock, each arm by itself, and one against the other, which must be no nearer
+than proven. In turn is planned for comparison only; neither counts in CPU seconds. The exit status
+is 1 when a plan is contradicted.
 """
 
 from __future__ import annotations
@@ -38,6 +36,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from referee.both_arms import check_two_arm_plan
 
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.kinematics.arm import LIMBS
@@ -52,9 +51,7 @@ from planner import (
     TwoArmPlan,
     load_object,
 )
-from planner.collision.context import CollisionContext
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
-from planner.two_arms.across import windows_of
 from planner.two_arms.pair import PairSearch
 from planner.two_arms.problem import Problem, Requirements
 from planner.two_arms.together import DEFAULT_GRIP_S
@@ -71,10 +68,10 @@ Y_M = {
 }
 """For each kind, the ranges of pick and place, from the middle outwards to the arm's side."""
 
+SHOWN = 3
+"""Maximum number of printed findings of a plan; the file has all."""
+
 DOWN = pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-STEP_S, BODY_M, MAX_CHECKED_M = 1e-3, 2e-3, 0.02
-"""Step of the samples; by how much distances of the shapes for samples may be less than those of
-meshes, as in tests/planner/collision/test_mover.py; and maximum distance that is checked."""
 
 
 def drawn(kind: str, rng: np.random.Generator) -> list[pin.SE3]:
@@ -118,25 +115,10 @@ def problems(
             yield search, problem
 
 
-def contradictions(plan: TwoArmPlan, problem: Problem) -> tuple[int, int]:
-    """Samples at which both arms are nearer than proven, and the number of samples.
-
-    None are taken where less than `BODY_M` is proven, as they would say nothing.
-    """
-    across, motion, found, count = problem.across(plan.plans), plan.trajectory, 0, 0
-    if plan.proof is None or plan.proof.proven_m < BODY_M:
-        return 0, 0
-    for window in windows_of(plan, across.episodes):
-        context = across.context(window.episodes)
-        near = CollisionContext(
-            context.checker,
-            context.q_others,
-            margin_m=min(plan.proof.proven_m - BODY_M, MAX_CHECKED_M),
-        )
-        times = np.arange(window.begin_s, window.end_s, STEP_S)
-        found += sum(not near.is_free(q) for q in motion.sample(times).q)
-        count += len(times)
-    return found, count
+def contradictions(plan: TwoArmPlan) -> list[str]:
+    """What the referee finds against a valid plan, and against what its proof says."""
+    apart_m = 0.0 if plan.proof is None else plan.proof.proven_m
+    return list(map(str, check_two_arm_plan(plan, apart_m=apart_m)))
 
 
 def measured(kind: str, search: PairSearch, problem: Problem) -> dict[str, Any]:
@@ -151,7 +133,6 @@ def measured(kind: str, search: PairSearch, problem: Problem) -> dict[str, Any]:
     figures: dict[str, Any] = {"kind": kind, "own_s": max(own_s) + grips_s, "cpu_s": cpu_s}
     if plan.failure is not None:
         return figures | {"failure": str(plan.failure)}
-    wrong, samples = contradictions(plan, problem)
     turns = fresh.in_turn("for comparison")
     withdrawn = [s for s, own in plan.plans.items() if own.moves[-1].label == "withdraw"]
     return figures | {
@@ -164,8 +145,7 @@ def measured(kind: str, search: PairSearch, problem: Problem) -> dict[str, Any]:
         "no_alternate": str(turns.failure or ""),
         "proven_mm": 1e3 * plan.proof.proven_m if plan.proof else np.nan,
         "withdrawn": withdrawn,
-        "wrong": wrong,
-        "samples": samples,
+        "wrong": contradictions(plan),
     }
 
 
@@ -176,6 +156,7 @@ def shown(found: Mapping[str, Any]) -> str:
         return f"{start}, refused: {found['failure']}"
     more = "".join(f", {side} withdraws" for side in found["withdrawn"])
     more += f", in turn: {found['in_turn']}" if found["in_turn"] else ""
+    more += "".join(f"\n    CONTRADICTED: {each}" for each in found["wrong"][:SHOWN])
     return (
         f"{start}, makespan {found['makespan_s']:5.2f} s, {found['ratio']:.3f} of own "
         f"({found['ratio_of_motion']:.3f}), alternate / together {found['alternate_ratio']:.2f}, "
@@ -216,10 +197,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{medians['ratio']:.3f} of own ({medians['ratio_of_motion']:.3f}), alternate / "
             f"together {medians['alternate_ratio']:.2f}, cpu {cpu:.1f} s"
         )
-    wrong = sum(each.get("wrong", 0) for each in results)
-    print(
-        f"{wrong} of {sum(each.get('samples', 0) for each in results)} samples contradict a proof"
-    )
+    judged = [each["wrong"] for each in results if "failure" not in each]
+    wrong = sum(map(bool, judged))
+    print(f"the referee contradicts {wrong} of {len(judged)} plans")
     return int(wrong > 0)
 
 

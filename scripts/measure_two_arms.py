@@ -3,13 +3,15 @@
 Usage:
     measure_two_arms.py free PROBLEMS.json [--first N] [--last N] [--out OUT.json]
     measure_two_arms.py trays [--count N] [--seed S] [--out OUT.json]
+    measure_two_arms.py carries [--count N] [--seed S] [--out OUT.json]
 
 `free` solves problems of MotionBenchMaker (Chamzas et al., "MotionBenchMaker: A tool to generate
 and benchmark motion planning datasets", IEEE RA-L 7(2), 2022), in the form of `problems` in the
 file: `start` and `goal` by names of joints, and `obstacles`, each with a name, type, dimensions,
 position and quaternion in base. Both hands have narrow fingers in slot 3, because stock fingers are
-inside the cans at most goals. `trays` moves random trays up, sideways and forward. CPU times are of
-this process.
+inside the cans at most goals. `trays` moves random trays up, sideways and forward. `carries` lets
+both hands pick random bars up from the table, carry them, and put them down. What is certified is a
+bound of the checker (`planner.certificate`) at every instant. CPU times are of this process.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ from planner import (
     Box,
     Cylinder,
     Manipulator,
+    PairCarry,
+    PairMove,
     Part,
     Scene,
     Sphere,
@@ -44,20 +48,33 @@ from planner import (
     Trajectory,
     load_object,
     plan_free_move,
+    plan_pair_carry,
+    plan_pair_move,
+    verify_both,
 )
+from planner.certificate.intervals import Pose
+from planner.certificate.motion import Polynomials
+from planner.certificate.robot import Robot
+from planner.certificate.timeline.both_arms import HandToHand
+from planner.certificate.timeline.tip import relative_deviation
 from planner.errors import MotionError
 from planner.manipulator import context_of_both, limits_of_both
 from planner.motion import free_search, rrt
 from planner.motion.joint_move import plan_joint_move
-from planner.two_arms.pair_move import plan_pair_move
+from sim import Simulation, World
 
 Found = dict[str, Any]
+
+TABLE_Z_M = -0.155
+
+R_BAR_TIP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""A hand that takes a bar from above."""
 
 
 def main() -> None:
     """Measure, print each result as a line of JSON, and a summary."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["free", "trays"])
+    parser.add_argument("what", choices=["free", "trays", "carries"])
     parser.add_argument("file", nargs="?", type=Path)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--last", type=int)
@@ -68,7 +85,7 @@ def main() -> None:
     if given.what == "free":
         found = free_moves(json.loads(given.file.read_text())["problems"], given)
     else:
-        found = trays(given)
+        found = trays(given) if given.what == "trays" else carries(given)
     results = []
     for each in found:
         rounded = {k: round(v, 6) if isinstance(v, float) else v for k, v in each.items()}
@@ -168,9 +185,84 @@ def trays(given: argparse.Namespace) -> Iterator[Found]:
                 found |= {"proven_um": 1e6 * move.deviation.position_m}
                 found |= {"proven_deg": float(np.degrees(move.deviation.rotation_rad))}
                 off_um, off_deg = sampled_deviation(arms, move.trajectory, rng)
+                certified_m, certified_rad = certified_deviation(robot, move)
+                found |= {"certified_um": 1e6 * certified_m}
+                found |= {"certified_deg": float(np.degrees(certified_rad))}
                 found |= {"sampled_um": off_um, "sampled_deg": off_deg}
                 found |= {"clear_mm": 1e3 * move.proof.proven_m}
             yield found
+
+
+def certified_deviation(robot: Baxter, move: PairMove) -> tuple[float, float]:
+    """The checker's bound on how far the hands leave their relative pose at the start, m and rad.
+
+    By its own model of the robot, from the knots of the motion alone.
+    """
+    chain = HandToHand.of(*(Robot(robot.description.text, side) for side in ("left", "right")))
+    motion, joints = move.trajectory, range(len(move.trajectory.limits.names))
+    signs = np.where(np.array(joints) < len(joints) // 2, -1.0, 1.0)
+    along = [*joints[len(joints) // 2 - 1 :: -1], *joints[len(joints) // 2 :]]
+    q, v, a, j = ((signs * x)[:, along] for x in (motion.q, motion.v, motion.a, motion.j))
+    own = Polynomials.of_knots(motion.knots_s, (q, v, a), j, "the motion")
+    T = chain.tips(own.at(np.zeros(1)))
+    return relative_deviation(chain, own, Pose(T.R[0], T.p[0]), "the motion")
+
+
+def carries(given: argparse.Namespace) -> Iterator[Found]:
+    """Pick up random bars with both hands, carry them any way or straight, and put them down."""
+    robot = Baxter.load()
+    arms = {side: Manipulator.of(robot, side) for side in ("left", "right")}
+    rng = np.random.default_rng(given.seed)
+    table = load_object("table", pose_from_quaternion((1.0, 0.0, -0.93), (0, 0, 0, 1)))
+    limits = limits_of_both(arms)
+    for number in range(given.count):
+        thick_m, y_m = rng.uniform(0.015, 0.045), rng.uniform(0.12, 0.25)
+        ends = []
+        for _ in range(2):
+            x, y, turn = rng.uniform((0.62, -0.15, -0.3), (0.78, 0.15, 0.3))
+            place = np.array([x, y, TABLE_Z_M + thick_m / 2.0])
+            ends.append(pin.SE3(pin.utils.rotate("z", turn), place))
+        part = Part(Box((thick_m, 2.0 * y_m + 0.1, thick_m)), pin.SE3.Identity())
+        bar = Body("bar", (part,), ends[0], is_movable=True)
+        tips = {
+            side: pin.SE3(R_BAR_TIP, np.array([0.0, sign * y_m, 0.0]))
+            for side, sign in (("left", 1.0), ("right", -1.0))
+        }
+        state = State.of(arms["left"], Scene.of([table, bar]))
+        joints = dict(state.joints)
+        for arm in arms.values():
+            joints |= arm.arm.joints(arm.arm.start) | arm.hand.finger_joints(arm.hand.stroke_m)
+        state = State(state.scene, joints)
+        task = PairCarry("bar", tips, ends[1], is_straight=bool(number % 2))
+        found: Found = {"number": number, "is_straight": task.is_straight}
+        started = time.process_time()
+        plan = plan_pair_carry(task, arms, state)
+        found["cpu_s"] = time.process_time() - started
+        if plan.failure is not None:
+            found["failure"] = str(plan.failure)
+            yield found
+            continue
+        started = time.process_time()
+        certificate = verify_both(plan)
+        found |= {"check_s": time.process_time() - started, "is_certified": certificate.is_valid}
+        if not certificate.is_valid:
+            found["refusal"] = certificate.verdict
+        else:
+            distance, turn = certificate.checks
+            found |= {"certified_um": 1e6 * distance.value}
+            found |= {"certified_deg": float(np.degrees(turn.value))}
+        q = np.concatenate([plan.plans[side].q_start for side in ("left", "right")])
+        q_end = np.concatenate(
+            [plan.plans[side].steps[-1].trajectory.q_goal for side in plan.plans]
+        )
+        bound_s = plan_joint_move(q, q_end, limits).duration
+        found |= {"duration_s": plan.duration_s, "bound_s": bound_s}
+        world = World.from_state(state, robot)
+        outcome = Simulation(world).execute(plan, unverified=True)
+        found |= {"is_executed": outcome.is_success, "hits": len(outcome.hits)}
+        off = world.body("bar").T_base_body.translation - ends[1].translation
+        found["off_mm"] = 1e3 * float(np.linalg.norm(off))
+        yield found
 
 
 def random_tray(

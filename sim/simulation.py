@@ -22,7 +22,16 @@ from baxter_kin.display import OneLine, count, millimetres, phrase, seconds
 from baxter_kin.fields import array, field, frozen, scalar
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Body, Certificate, Grip, GripperAction, Move, Plan, TwoArmPlan
+from planner import (
+    Body,
+    Certificate,
+    Grip,
+    GripperAction,
+    Move,
+    Plan,
+    TwoArmCertificate,
+    TwoArmPlan,
+)
 from planner.collision.robot.robot_body import identity_of
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.plan import Step
@@ -200,7 +209,7 @@ class Simulation(OneLine):
         plan: Plan | TwoArmPlan,
         title: str = "",
         *,
-        certificate: Certificate | None = None,
+        certificate: Certificate | TwoArmCertificate | None = None,
         unverified: bool = False,
         strokes: Strokes | None = None,
     ) -> Outcome:
@@ -218,8 +227,8 @@ class Simulation(OneLine):
         Args:
             plan: a valid plan that starts where its arm stands, or both arms.
             title: put before each caption.
-            certificate: the result of `verify` for this very plan; a step is not checked for
-                contacts while the world is as the step states it.
+            certificate: the result of `verify`, or of `verify_both`, for this very plan; a step of
+                one arm's plan is not checked for contacts while the world is as the step states it.
             unverified: whether the certificate is missing on purpose, so that nothing is logged.
             strokes: what a pen in the hand draws meanwhile, which observers are notified of.
 
@@ -229,10 +238,10 @@ class Simulation(OneLine):
         """
         expect(title, str, "title", SimulationError)
         self._check_start(plan)
-        if certificate is not None:
-            expect(certificate, Certificate, "certificate", SimulationError)
-        if not expect(unverified, bool, "unverified", SimulationError):
-            _warn_without_certificate(plan, certificate)
+        is_meant = expect(unverified, bool, "unverified", SimulationError)
+        fault = _certificate_fault(plan, certificate)
+        if fault and not is_meant:
+            _LOG.warning("%s", fault)
         if strokes is not None and isinstance(plan, TwoArmPlan):
             raise SimulationError("strokes are of one arm; leave them out for a plan of both")
         started_s = self.time_s
@@ -242,10 +251,7 @@ class Simulation(OneLine):
             streams = [Stream(side, self._on_clock(plan, side)) for side in LIMBS]
             self._labels = dict.fromkeys(LIMBS, WAITS)
         else:
-            is_certified = (
-                certificate is not None and certificate.is_valid and certificate.is_of(plan)
-            )
-            streams = [Stream(plan.limb, self._all_of(plan, is_certified))]
+            streams = [Stream(plan.limb, self._all_of(plan, is_certified=not fault))]
             self._labels = {}
         failure = run_streams(streams, self._timeline, self._watch, self._hit)
         self._lift_pen(streams[0].limb)
@@ -281,7 +287,7 @@ class Simulation(OneLine):
         if any(isinstance(step, Grip) for step in plan):
             self.world.hand(plan.limb)
 
-    def _all_of(self, plan: Plan, is_certified: bool) -> Activities:
+    def _all_of(self, plan: Plan, *, is_certified: bool) -> Activities:
         """All steps of a plan, one right after the other."""
         for step in plan:
             self._show_step(plan.limb, step.label)
@@ -404,6 +410,9 @@ class Simulation(OneLine):
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
+        elif world.is_held(name):  # by the other hand
+            timeline.released(limb, name)
+            yield self._slide(limb, finger_m)
         else:
             timeline.released(limb, name)
             rest = world.rest(name)
@@ -451,23 +460,26 @@ class Simulation(OneLine):
         self._timeline.hit(limb, contact)
 
 
-def _warn_without_certificate(plan: Plan | TwoArmPlan, certificate: Certificate | None) -> None:
-    """Log why the certificate of a plan that is about to be executed does not count."""
+def _certificate_fault(
+    plan: Plan | TwoArmPlan, certificate: Certificate | TwoArmCertificate | None
+) -> str:
+    """Why the certificate of a plan that is about to be executed does not count, or ""."""
+    made_by = "verify_both(plan)" if isinstance(plan, TwoArmPlan) else "verify(plan)"
+    if certificate is None:
+        what = "both arms" if isinstance(plan, TwoArmPlan) else f"the {plan.limb} arm"
+        return (
+            f"the plan for {what} is executed without a certificate; give certificate={made_by}, "
+            "or unverified=True if that is meant"
+        )
     if isinstance(plan, TwoArmPlan):
-        _LOG.warning(
-            "the plan of both arms is executed without a certificate; give unverified=True if that "
-            "is meant"
-        )
-    elif certificate is None:
-        _LOG.warning(
-            "the plan for the %s arm is executed without a certificate; give "
-            "certificate=verify(plan), or unverified=True if that is meant",
-            plan.limb,
-        )
-    elif not certificate.is_valid:
-        _LOG.warning("the plan is executed although its certificate is %s", certificate.verdict)
-    elif not certificate.is_of(plan):
-        _LOG.warning(
+        is_of = expect(certificate, TwoArmCertificate, "certificate", SimulationError).is_of(plan)
+    else:
+        is_of = expect(certificate, Certificate, "certificate", SimulationError).is_of(plan)
+    if not certificate.is_valid:
+        return f"the plan is executed although its certificate is {certificate.verdict}"
+    if not is_of:
+        return (
             "the plan is executed with the certificate of another plan, world or tolerances, which "
-            "does not count; give certificate=verify(plan)"
+            f"does not count; give certificate={made_by}"
         )
+    return ""

@@ -1,4 +1,4 @@
-"""Hooks of pytest: a share of the collected tests, with `--share K/N`."""
+"""Hooks of pytest: a share of the slow tests among those collected, with `--slow-share K/N`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import pytest
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--share", metavar="K/N", help="one Nth of the tests, another one for each K")
+    parser.addoption(
+        "--slow-share", metavar="K/N", help="one Nth of the slow tests, another one for each K"
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    share = config.getoption("--share")
+    share = config.getoption("--slow-share")
     if share is None:
         return
     number, shares = map(int, share.split("/"))
@@ -20,6 +22,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     others: list[pytest.Item] = []
     for item in items:
         of_item = zlib.crc32(item.nodeid.encode()) % shares
-        (chosen if of_item == number % shares else others).append(item)
+        is_chosen = item.get_closest_marker("slow") is None or of_item == number % shares
+        (chosen if is_chosen else others).append(item)
     items[:] = chosen
     config.hook.pytest_deselected(items=others)

@@ -21,7 +21,7 @@ from baxter_kin import Baxter, ElectricGripper, IKService, NamedFrame, StampedPo
 from baxter_kin.fields import field_names
 from planner import Manipulator, Plan, RobotBody, Scene, load_object
 from planner.clearance import ContinuousProof
-from planner.two_arms.relative_pose import RelativeDeviation
+from planner.two_arms.pair_moves.relative_pose import RelativeDeviation
 from sim import Recorder, Simulation, World
 from tests.conftest import at, overhead
 
@@ -93,6 +93,8 @@ def specimens_of(
             0.5,
             failure=planner.PlanFailure("place: descend", "both hands cannot be there at once"),
         ),
+        "handover": planner.Handover("stick", PLACE, "right", where=(0.7, 0.0, 0.2)),
+        "pair carry": planner.PairCarry("tray", {"left": FAR, "right": FAR}, PLACE),
         "pair move": planner.PairMove(
             "tray",
             planner.Trajectory.stay(q, arm.limits),

@@ -79,9 +79,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Run]:
 
 
 def run_of(module: ModuleType, folder: Path) -> Run:
-    """With a page of the shortest one: its clearance takes as long as the rest."""
+    """With a page of one whose tests are slow: its clearance takes as long as the rest."""
     said, files = io.StringIO(), ["--record", str(folder / "run.mcap")]
-    if module is three_poses:
+    if module is right_arm:
         files += ["--html", str(folder / "run.html")]
     with contextlib.redirect_stdout(said):
         status = module.main(files)
@@ -106,7 +106,7 @@ def test_all_tasks_are_done_and_verified_and_nothing_is_hit_pushed_or_missed(
 
 @pytest.mark.slow
 def test_the_replay_is_one_whole_page(runs: Callable[[str], Run]) -> None:
-    folder = runs("three_poses").folder
+    folder = runs("right_arm").folder
     assert sorted(path.name for path in folder.iterdir()) == ["run.html", "run.mcap"]
     page = folder / "run.html"
     assert page.stat().st_size <= LARGEST_PAGE

@@ -49,6 +49,11 @@ MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs that turn a left-arm configuration into its mirror image on the right arm."""
 
 
+def other_than(side: str) -> str:
+    """The other arm, "left" or "right"."""
+    return LIMBS[1 - LIMBS.index(side)]
+
+
 def arm_joints(side: str) -> tuple[str, ...]:
     """The seven joints of an arm, from shoulder to wrist."""
     return tuple(f"{side}_{joint}" for joint in JOINTS)

@@ -62,6 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _table(found: Certified) -> str:
     rows = [f"{label:32} {1e3 * clear:9.3f} mm" for label, clear in found.clearances_m]
+    of_hands = [(name, value) for name, (value, _) in found.worst.items() if "hands in" in name]
+    units = {"distance": "m", "turn": "rad"}
+    rows += [f"{name:32} {value:9.2g} {units[name.split()[0]]}" for name, value in of_hands]
     rows += [f"assumed: {each}" for each in found.assumed]
     rows += [f"not judged: limits of {each}" for each in found.not_judged]
     end = f"certified: {1e3 * found.clearance_m:.3f} mm at every instant, {found.rows} rows"

@@ -26,8 +26,13 @@ A plan of both arms on a common clock has the format "baxter-kin two-arm plan". 
 `start`, `plans` ("left" and "right", each as in a plan file), `begins_s` (when the steps of each
 arm begin on the clock, s), `grip_s` (how long each gripper action takes on the clock, s) and
 `failure`; `states` has those of each arm. Its certificate has an entry as above for each arm, in a
-world without the other arm and without the bodies that the other arm handles, and one, `between`,
-whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
+world without the other arm and without the bodies that only the other arm handles, and one,
+`between`, whose steps are the windows of the clock (`planner.certificate.timeline.both_arms`).
+
+A gripper action of a plan of both arms that opens may have a `receiver`: the other arm, which holds
+the body then. The giver handles no body after that, and the receiver none before. The start of the
+receiver's own plan states where the body is handed over; in both worlds it stands there, when the
+giver has released it and before the receiver takes it.
 """
 
 from __future__ import annotations
@@ -44,7 +49,7 @@ import numpy as np
 
 from planner.certificate.body import Body
 from planner.certificate.errors import NotCertifiedError, require
-from planner.certificate.robot import Robot
+from planner.certificate.robot import OTHER_LIMB, Robot
 from planner.certificate.rows import BY_MIDDLES, Advice, Trace, certified_m
 from planner.certificate.timeline import MOTION, Limits, StepWitness, Timeline
 from planner.certificate.timeline.both_arms import LIMBS, BothArms
@@ -132,8 +137,9 @@ class Certified:
         bare: links of the robot without a shape, for which no clearance is certified.
         worst: upper bounds on other quantities by name, m and rad, each with where it occurs:
             "distance from line", "turn from line", "distance from path", "turn from path", "held
-            bodies off their hands", "gap of closed pads", "slide in contact" and "drop at release";
-            only those that the plan has.
+            bodies off their hands", "gap of closed pads", "slide in contact", "drop at release",
+            and of both arms "distance of hands in one body" and "turn of hands in one body"; only
+            those that the plan has.
         assumed: assumptions of the caller of a motion, as phrases.
         not_judged: quantities of a motion whose limits were not judged.
     """
@@ -274,15 +280,16 @@ def check_both(
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
     parts: dict[str, Timeline | BothArms] = {**timelines, BETWEEN: both}
     found = {name: _certified(part, body, certificates[name]) for name, part in parts.items()}
-    arms = {side: replace(found[side], worst=timelines[side].worst) for side in LIMBS}
-    return {**found, **arms}
+    return {name: replace(found[name], worst=part.worst) for name, part in parts.items()}
 
 
 def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """For each arm, the document of its own plan in a world without the other's bodies.
 
+    A body that both handle is in the worlds of both.
+
     Raises:
-        NotCertifiedError: when both arms handle a body, or a hand is not empty at first.
+        NotCertifiedError: when a hand is not empty at first.
     """
     plan = document["plan"]
     start, bodies, found = plan["start"], plan["start"]["scene"]["bodies"], {}
@@ -291,18 +298,39 @@ def alone(document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         side: {step["body"] for step in plan["plans"][side]["steps"] if step["type"] == "Grip"}
         for side in LIMBS
     }
-    shared = (handled["left"] & handled["right"]) - {None}
-    require(not shared, f"both arms handle {', '.join(map(str, sorted(shared)))}")
+    given = {side: handed_over(plan["plans"][side]["steps"], side) for side in LIMBS}
+    shared = handled["left"] & handled["right"]
     for side, other in (LIMBS, LIMBS[::-1]):
         own = plan["plans"][side]
         _require_steps(False, own["steps"])
         require(own["limb"] == side, f"the plan of the {side} arm is of the {own['limb']} arm")
-        kept = {name: body for name, body in bodies.items() if name not in handled[other]}
+        theirs = handled[other] - shared
+        kept = {name: body for name, body in bodies.items() if name not in theirs}
+        for name in given[other]:
+            there = own["start"]["scene"]["bodies"][name]
+            kept[name] = {**bodies[name], "T_base_body": there["T_base_body"]}
         world = {**start, "scene": {**start["scene"], "bodies": kept}}
         states = document["states"][side]
         require(isinstance(states, list), "the states of the plan are malformed")
         found[side] = {"plan": {**own, "start": world}, "states": states}
     return found
+
+
+def handed_over(steps: Sequence[Mapping[str, Any]], side: str) -> set[str]:
+    """The body that an arm hands over to the other one, at the end of what it handles; or none.
+
+    Raises:
+        NotCertifiedError: when it handles a body after that, or the receiver is not the other arm.
+    """
+    grips = [step for step in steps if step["type"] == "Grip" and step["body"] is not None]
+    given = [step for step in grips if step.get("receiver")]
+    if not given:
+        return set()
+    is_last = given == grips[-1:] and given[0]["action"] == "OPEN"
+    require(is_last, f"the {side} arm handles a body after it has handed one over")
+    receiver = given[0]["receiver"]
+    require(receiver == OTHER_LIMB[side], f"the {side} arm hands a body over to {receiver!r}")
+    return {given[0]["body"]}
 
 
 def _certified(timeline: Timeline | BothArms, body: Body, certificate: Witness) -> Certified:

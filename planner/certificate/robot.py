@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -196,10 +197,13 @@ class Robot:
 
     def tips(self, q: Interval) -> Pose:
         """Poses of the tip in base, for configurations of shape (n, 7), rad."""
-        turns, found = rotation(2, q), Pose.identity()
-        for i, span in enumerate(self.spans):
-            found = found * Pose(product(span.R, turns[:, i]), span.p)
-        return found * self.tip
+        return poses_along(self.spans, q) * self.tip
+
+    def with_tip(self, T_joint_tip: Pose) -> Robot:
+        """The same robot with another tip, such as a body in its hand, seen from the last joint."""
+        found = copy.copy(self)
+        found.tip = T_joint_tip
+        return found
 
     def _seen(self, base: str, T: Pose, link: str = BASE) -> Pose:
         """The pose of a link seen from another, between the aligned frames of their joints."""
@@ -233,6 +237,19 @@ class Robot:
                 break
             T = places[child] * T
         raise NotCertifiedError(f"{link} does not hang on {base}")
+
+
+def poses_along(spans: Sequence[Pose], q: Interval) -> Pose:
+    """Poses of the last joint of a chain, for configurations of shape (k, n), rad.
+
+    Args:
+        spans: poses of each joint at position 0 seen from the one before.
+        q: the configurations.
+    """
+    turns, found = rotation(2, q), Pose.identity()
+    for i, span in enumerate(spans):
+        found = found * Pose(product(span.R, turns[:, i]), span.p)
+    return found
 
 
 def _joints_of(text: str) -> dict[str, _Joint]:

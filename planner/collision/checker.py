@@ -77,7 +77,8 @@ class ClearanceChecker(OneLine):
             scene: all bodies; only held ones move.
             touchable: name of the body that the hand grasps, is about to grasp, or has released.
             may_press: whether the pads may touch that body.
-            held: the body in the hand, or what is in the hands; both may hold one body.
+            held: the body in the hand, or what is in the hands; both may hold one body, also where
+                only one of their arms moves.
             supports: what held bodies stood or will stand on, and may touch: pairs of parts, as
                 `part_contacts` gives them, or names of bodies, any part of which they may touch.
 
@@ -110,7 +111,8 @@ class ClearanceChecker(OneLine):
             else Contact.of_hand(self.arm.side, touchable, may_press=may_press)
         )
         hands: dict[str, list[Attachment]] = {}
-        for each in sorted(attached, key=lambda each: LIMBS.index(each.side)):
+        sides = [arm.side for arm in self.arms]
+        for each in sorted(attached, key=lambda e: (e.side not in sides, LIMBS.index(e.side))):
             hands.setdefault(each.body, []).append(each)
         own = [contact for body in hands for contact in Contact.of_supports(body, touched)]
         self.contacts: tuple[Contact, ...] = (*near, *own)
@@ -181,7 +183,8 @@ class ClearanceChecker(OneLine):
         )
 
     def _arm(self, side: str) -> Arm:
-        return next(arm for arm in self.arms if arm.side == side)
+        own = [arm for arm in self.arms if arm.side == side]
+        return own[0] if own else self.shapes.robot.arm(side)
 
     @cached_property
     def walk(self) -> Walk:
@@ -324,9 +327,10 @@ def _check_situation(
         _ = scene[touchable]  # refuses an unknown body
         if len(sides) > 1:
             raise SceneError(f"both arms move; only the hand of one may touch {touchable!r}")
+    carried = {each.body for each in held if each.side in sides}
     for each in held:
         _ = scene[each.body]
-        if each.side not in sides:
+        if each.side not in sides and each.body not in carried:
             raise SceneError(
                 f"{each.body!r} is in the {each.side} hand; the {sides[0]} arm cannot carry it"
             )

@@ -91,7 +91,13 @@ class Candidates:
     def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
         """Combine all samples of both solution sets."""
         ik, limits = request.manipulator.ik, request.manipulator.limits
-        self.picks, places = (_samples(ik, T) for T in (task.T_base_pick, task.T_base_place))
+        in_air = request.in_air
+        self.picks, places = (
+            in_air.q[None]
+            if in_air is not None and in_air.end == end and in_air.q is not None
+            else _samples(ik, T)
+            for end, T in (("pick", task.T_base_pick), ("place", task.T_base_place))
+        )
         self.places, q_ends = _leading_to(ik, places, task.T_base_end)
         there = rest_to_rest_s(self.picks - request.q_start, limits)[:, None]
         across = rest_to_rest_s(self.places[None] - self.picks[:, None], limits)

@@ -21,6 +21,7 @@ from itertools import islice
 import numpy as np
 
 from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import other_than
 from planner.collision.context import CollisionContext
 from planner.motion.upright import Upright
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
@@ -193,7 +194,7 @@ class CycleSearch:
         Along lines into a bin the arm has little space: pairs whose guesses collide there come
         last, and the others are ordered by the durations of their guesses.
         """
-        if self.program.is_vertical:
+        if self._are_lines_easy:
             return list(islice(self._different(), MAX_OPTIMISED))
         pairs = list(islice(self._different(), MAX_RANKED))
         pairs.sort(key=lambda pair: self.program.promise(pair, self._contexts))
@@ -202,7 +203,7 @@ class CycleSearch:
     def _different(self) -> Iterator[CandidatePair]:
         """Open pairs in order, except for those close to an earlier one.
 
-        Where lines are not vertical, also except for those that cannot follow them.
+        Where lines are not easy, also except for those that cannot follow them.
         """
         chosen: list[CandidatePair] = []
         open_ones = self._candidates.open_ones(self._picks, self._places)
@@ -210,9 +211,14 @@ class CycleSearch:
             is_new = all(
                 np.abs(np.subtract(pair, other)).max() > MIN_DIFFERENCE_RAD for other in chosen
             )
-            if is_new and (self.program.is_vertical or self.program.can_follow(pair)):
+            if is_new and (self._are_lines_easy or self.program.can_follow(pair)):
                 chosen.append(pair)
                 yield pair
+
+    @property
+    def _are_lines_easy(self) -> bool:
+        """Whether the arm has space along its lines: these are vertical, or in the air."""
+        return self.program.is_vertical or self.request.in_air is not None
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, if it is shorter and proven; else the plan."""
@@ -270,15 +276,21 @@ class CycleSearch:
     ) -> None:
         """Add every step; motions that are not proven yet are proven here."""
         phases, task, motions = self._phases, self.task, cycle.by_label
-        grips = {
-            "pick: retract": ("pick: close", GripperAction.CLOSE, phases.closing, task.body),
-            "place: retract": ("place: open", GripperAction.OPEN, phases.releasing, task.body),
-        }
+        side = self.request.manipulator.arm.side
+        with_body = next(leg.label for leg in cycle.legs if leg.stage in CARRYING)
         claims = () if task.upright is None else (upright_claim(task.upright),)
         builder.add_open("pick: open", phases.opening_m)
         for leg in cycle.legs:
-            if leg.label in grips:
-                builder.add_grip(*grips[leg.label])
+            if leg.label == with_body:
+                builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, task.body)
+            elif leg.label == "place: retract":
+                builder.add_grip(
+                    "place: open",
+                    GripperAction.OPEN,
+                    phases.releasing,
+                    task.body,
+                    receiver=other_than(side) if self.request.gives else "",
+                )
             context, is_straight = self._contexts[leg.label], leg.ends is not None
             motion = proven_motions.get(leg.label) or proven(leg.stage, motions[leg.label], context)
             builder.add_move(

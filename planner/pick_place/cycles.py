@@ -348,7 +348,12 @@ def _phases(legs: Sequence[Leg], *, may_sink: bool, keeps_upright: bool) -> tupl
     """The phases of a program, whose numbers of intervals are not known yet."""
     numbers = count()
     return tuple(
-        Phase(0, may_sink=may_sink, keeps_upright=keeps_upright and leg.stage in CARRYING)
+        Phase(
+            0,
+            rests=leg.rests,
+            may_sink=may_sink,
+            keeps_upright=keeps_upright and leg.stage in CARRYING,
+        )
         if leg.line is None
         else Phase(
             0, next(numbers), (1.0, 0.0) if leg.stage in INWARD else (0.0, 1.0), rests=leg.rests
@@ -405,11 +410,6 @@ class Cycle:
     def q_pick(self) -> FloatArray:
         """The configuration at the pick, shape (7,), rad."""
         return self.by_label["pick: descend"].q_goal
-
-    @property
-    def q_place(self) -> FloatArray:
-        """The configuration at the place, shape (7,), rad."""
-        return self.by_label["place: descend"].q_goal
 
     @property
     def duration_s(self) -> float:

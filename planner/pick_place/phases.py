@@ -26,7 +26,7 @@ fails (`refuse_blocked_hand`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -127,7 +127,7 @@ class PhaseMaker:
         Raises NoSolutionError when something stands on the body, or the hand cannot grasp it.
         """
         body, task = self.request.scene[self.task.body], self.task
-        self._refuse_loaded(body)
+        refuse_loaded(body, self.request.scene, {held.body for held in self.request.held})
         self._refuse_wide(body)
         grasp = self._grasp(body)
         opening_m, closing, blocked_closing = self._at_pick(grasp)
@@ -156,21 +156,6 @@ class PhaseMaker:
             (*blocked_closing, *no_rest, *blocked_opening),
             self._taken(body, grasp),
         )
-
-    def _refuse_loaded(self, body: Body) -> None:
-        """Raise an error when another body stands on the one to be lifted."""
-        scene, in_hands = self.request.scene, {held.body for held in self.request.held}
-        for name in sorted(touching(body, scene) - in_hands):
-            if not scene[name].is_movable:
-                continue
-            landing = fall_straight(scene[name], scene.without(name))
-            if body.name in landing.supports and landing.drop_m <= PRESSING_TOLERANCE_M:
-                too = ", too" if len(landing.supports) > 1 else ""
-                raise NoSolutionError.at(
-                    "pick: retract",
-                    f"{name} stands on {body.name}{too}; carry that away first",
-                    is_certain=True,
-                )
 
     def _taken(self, body: Body, grasp: Grasp) -> PlanFailure | None:
         """The failure if another body stands at the place.
@@ -307,28 +292,11 @@ class PhaseMaker:
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
         """Where the body comes to rest after its release; and why that is not allowed, if so."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
+        if self.request.gives:
+            return Landing(let_go, 0.0, (), ()), ()
         landing = settle(let_go, list(self.request.scene.without(self.task.body)))
-        on, way = " and ".join(landing.supports), landing.overhang
-        reason = None
-        if landing.drop_m > MAX_DROP_M:
-            reason = (
-                f"{body.name} would fall: nothing is within {1e3 * MAX_DROP_M:.0f} mm below "
-                f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
-            )
-        elif landing.slope_rad > 0.0:
-            reason = (
-                f"{body.name} would not stand: {on} slopes by "
-                f"{math.degrees(landing.slope_rad):.1f} deg there, and at most "
-                f"{math.degrees(MAX_TILT_RAD):g} deg counts as level"
-            )
-        elif way is not None:
-            beside_mm = 1e3 * float(np.linalg.norm(way))
-            reason = (
-                f"{body.name} would tip: its centre is {beside_mm:.1f} mm beyond the edge of {on}"
-            )
-        if reason is None:
-            return landing, ()
-        return landing, (PlanFailure("place: open", reason, is_certain=True),)
+        refusal = no_rest(landing)
+        return landing, () if refusal is None else (refusal,)
 
     def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
         """The open hand around its body; the pads may touch it only where that is unavoidable."""
@@ -344,6 +312,42 @@ class PhaseMaker:
         """Builds a context from a scene, the opening of the fingers and the allowed contacts."""
         request = self.request
         return partial(request.manipulator.context, margin_m=request.margin_m)
+
+
+def refuse_loaded(body: Body, scene: Scene, in_hands: Set[str] = frozenset()) -> None:
+    """Raise NoSolutionError when another body stands on the one to be lifted."""
+    for name in sorted(touching(body, scene) - in_hands):
+        if not scene[name].is_movable:
+            continue
+        landing = fall_straight(scene[name], scene.without(name))
+        if body.name in landing.supports and landing.drop_m <= PRESSING_TOLERANCE_M:
+            too = ", too" if len(landing.supports) > 1 else ""
+            raise NoSolutionError.at(
+                "pick: retract",
+                f"{name} stands on {body.name}{too}; carry that away first",
+                is_certain=True,
+            )
+
+
+def no_rest(landing: Landing) -> PlanFailure | None:
+    """The failure if a body must not be released, because it would fall, not stand, or tip."""
+    name, on, way = landing.body.name, " and ".join(landing.supports), landing.overhang
+    if landing.drop_m > MAX_DROP_M:
+        reason = (
+            f"{name} would fall: nothing is within {1e3 * MAX_DROP_M:.0f} mm below it, and {on} is "
+            f"{1e3 * landing.drop_m:.0f} mm below"
+        )
+    elif landing.slope_rad > 0.0:
+        reason = (
+            f"{name} would not stand: {on} slopes by {math.degrees(landing.slope_rad):.1f} deg "
+            f"there, and at most {math.degrees(MAX_TILT_RAD):g} deg counts as level"
+        )
+    elif way is not None:
+        beside_mm = 1e3 * float(np.linalg.norm(way))
+        reason = f"{name} would tip: its centre is {beside_mm:.1f} mm beyond the edge of {on}"
+    else:
+        return None
+    return PlanFailure("place: open", reason, is_certain=True)
 
 
 def _min_width_m(body: Body) -> float:

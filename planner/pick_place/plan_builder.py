@@ -134,7 +134,13 @@ class PlanBuilder:
             self.add_move(numbered(stage, k), motion, context, T_base_goal, is_straight=True)
 
     def add_grip(
-        self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str | None
+        self,
+        label: str,
+        action: GripperAction,
+        travels: Sequence[FingerTravel],
+        body: str | None,
+        *,
+        receiver: str = "",
     ) -> None:
         """Add the closing of the fingers on a body, or their opening around it.
 
@@ -145,14 +151,15 @@ class PlanBuilder:
             action: open or close.
             travels: the fingers' travel, at least one part.
             body: name of the body; None for an empty hand.
+            receiver: the other arm, where that holds the body, too.
         """
         margin_m, opening_m = self._request.margin_m, travels[-1].end_m
         proof = prove_travel(self._manipulator, travels, self.q, margin_m=margin_m)
         if isinstance(proof, ContinuousContact):
             raise NoSolutionError(blocked_fingers(label, action, proof))
         is_partly = action is GripperAction.OPEN and opening_m < self._manipulator.hand.stroke_m
-        step = Grip(label, action, body, opening_m if is_partly else None, proof, self._state)
-        self._add(step)
+        asked_m = opening_m if is_partly else None
+        self._add(Grip(label, action, body, asked_m, proof, self._state, receiver=receiver))
 
     def add_open(self, label: str, opening_m: float) -> None:
         """Add the opening of the empty hand before anything has moved a body.

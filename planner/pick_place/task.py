@@ -209,7 +209,7 @@ class Leg(NamedTuple):
         return bool(z > 0.0 and math.hypot(x, y) <= MAX_SLOPE * z)
 
 
-def _inwards(
+def inwards(
     stages: tuple[str, str], T_base_tip: pin.SE3, approach: Sequence[Line]
 ) -> Iterator[Leg]:
     """The free leg to the lines of an approach, and those along them, which end at rest."""
@@ -221,7 +221,7 @@ def _inwards(
         yield Leg(numbered(stage, k), stage, near, (near, far), rests=True)
 
 
-def _outwards(
+def outwards(
     stage: str, T_base_tip: pin.SE3, retreat: Sequence[Line], *, rests: bool
 ) -> Iterator[Leg]:
     """The legs away from a pose; all but the last end at rest, and that one if `rests`."""
@@ -296,10 +296,10 @@ class PickAndPlace:
         retreat = retreat or back_along(approach or down)
         place_retreat = place_retreat or back_along(place_approach or hover)
         return (
-            *_inwards(("pick: approach", "pick: descend"), pick, approach or down),
-            *_outwards("pick: retract", pick, retreat, rests=False),
-            *_inwards(("place: approach", "place: descend"), place, place_approach or down),
-            *_outwards("place: retract", place, place_retreat, rests=True),
+            *inwards(("pick: approach", "pick: descend"), pick, approach or down),
+            *outwards("pick: retract", pick, retreat, rests=False),
+            *inwards(("place: approach", "place: descend"), place, place_approach or down),
+            *outwards("place: retract", place, place_retreat, rests=True),
         )
 
     @property
@@ -320,6 +320,18 @@ class PickAndPlace:
         return phrase(self.body), way, f"hover {self.hover_m:g} m"
 
 
+class InAir(NamedTuple):
+    """The end of a task that is in the air, where the other hand holds the body, too.
+
+    Attributes:
+        end: "pick" or "place".
+        q: configuration of the arm there, or near there, shape (7,), rad; any when not given.
+    """
+
+    end: str
+    q: FloatArray | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRequest:
     """The arm, its surroundings, and the requirements of a plan; the planning functions check them.
@@ -332,6 +344,7 @@ class PlanRequest:
             hand from what it grasps, and links up to two joints apart.
         held: what the other hand holds.
         line_tolerance: maximum deviation of the tip from its straight lines.
+        in_air: the end of the task that is in the air, if one is.
     """
 
     manipulator: Manipulator
@@ -340,3 +353,9 @@ class PlanRequest:
     margin_m: float = 0.0
     held: tuple[Attachment, ...] = ()
     line_tolerance: LineTolerance = DEFAULT_TOLERANCE
+    in_air: InAir | None = None
+
+    @property
+    def gives(self) -> bool:
+        """Whether the other hand holds the body when this one releases it."""
+        return self.in_air is not None and self.in_air.end == "place"

@@ -10,6 +10,11 @@ body, while it opens, and after that. The clock is cut where either arm changes 
 window between, both states are constant, and the motion of all 14 joints is proven clear by rows of
 separation along the walk from one hand to the other (`planner.collision.mover`).
 
+A body that is handed over (`Grip.receiver`) belongs to the giver's shapes until the giver has
+arrived where it hands the body over, and to the taker's from the taker's next move on. In between,
+the body rests there. It does in both arms' own worlds, too, so their own plans prove that each hand
+keeps clear of it, except for intended contacts.
+
 While a hand grips, its arm rests, but fingers and body move inside the hand, and the other arm
 moves on. The shapes then stand at fixed poses and are thicker:
 
@@ -90,32 +95,48 @@ class Episode(NamedTuple):
         last: number of its last step.
         is_grip: whether it is a gripper action.
         state: of the hand.
+        waits_before: whether the rest before its first step belongs to what is before it.
     """
 
     first: int
     last: int
     is_grip: bool
     state: HandState
+    waits_before: bool
 
 
-def episodes_of(plan: Plan, manipulator: Manipulator, names: Iterable[str]) -> tuple[Episode, ...]:
+def episodes_of(
+    plan: Plan, manipulator: Manipulator, names: Iterable[str], received: Iterable[str] = ()
+) -> tuple[Episode, ...]:
     """The states of a hand during a complete plan of its arm, in order.
 
     Args:
         plan: the plan.
         manipulator: the arm and its hand.
         names: of the bodies that the arm handles.
+        received: of those that the other arm hands over to it.
     """
     episodes: list[Episode] = []
+    mine, waiting = set(names).difference(received), set(received)
+    has_received = False
     for number, step in enumerate(plan):
+        gets, gives = set[str](), set[str]()
+        if isinstance(step, Grip) and step.body is not None:
+            gets = waiting.intersection({step.body})
+            gives = {step.body} if step.receiver else gives
+        mine -= gives
         begin = state_of(step)
         end = after(step, begin, manipulator) if isinstance(step, Grip) else begin
-        state = _hand_state(sorted(names), (begin, end), manipulator)
+        state = _hand_state(sorted(mine), (begin, end), manipulator)
         is_grip = isinstance(step, Grip) and (step.body is not None or state.thicker_m > SAME_M)
         if episodes and not is_grip and not episodes[-1].is_grip:
             episodes[-1] = episodes[-1]._replace(last=number)
         else:
-            episodes.append(Episode(number, number, is_grip, state))
+            waits_before = has_received or (is_grip and not gives)
+            episodes.append(Episode(number, number, is_grip, state, waits_before))
+        mine |= gets
+        waiting -= gets
+        has_received = bool(gets)
     return tuple(episodes)
 
 
@@ -283,6 +304,18 @@ class Across:
             self._obstacles[at, extra_m] = found
         return self._obstacles[at, extra_m]
 
+    def first_hit_s(self, plan: TwoArmPlan, step_s: float) -> float | None:
+        """The first of samples of a plan at which the arms are too close; None without any."""
+        motion = plan.trajectory
+        for window in windows_of(plan, self.episodes):
+            context = self.context(window.episodes)
+            count = 2 + int((window.end_s - window.begin_s) / step_s)
+            times_s = np.linspace(window.begin_s, window.end_s, count)
+            for time_s, q in zip(times_s.tolist(), motion.sample(times_s).q, strict=True):
+                if not context.is_free(q):
+                    return float(time_s)
+        return None
+
     def prove(self, plan: TwoArmPlan) -> ContinuousResult:
         """A proof that both arms keep clear in a plan, or the contact that prevents it.
 
@@ -313,11 +346,12 @@ def changes_of(
 ) -> FloatArray:
     """When each episode but the first begins on the clock, shape (episodes - 1,), s.
 
-    A rest before a gripper action belongs to the moves before it, one after it to those after.
+    A rest before a gripper action belongs to the moves before it, one after it to those after,
+    except beside a handover (`Episode.waits_before`).
     """
     times = []
     for before, episode in pairwise(episodes):
-        if episode.is_grip:
+        if episode.waits_before:
             times.append(begins_s[episode.first])
         else:
             times.append(begins_s[before.last] + duration_of(plan.steps[before.last], grip_s))

@@ -25,7 +25,7 @@ import numpy as np
 from baxter_kin.display import position
 from baxter_kin.fields import evolve
 from baxter_kin.ik import sample_solutions
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact
 from planner.collision.context import CollisionContext
@@ -33,7 +33,7 @@ from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.plan import Move, Plan
 from planner.two_arms.plan import TwoArmPlan, begins_of, duration_of
-from planner.two_arms.problem import NOT_PROVEN, ArmCycle, Problem, StepSequence, other_than
+from planner.two_arms.problem import NOT_PROVEN, ArmCycle, Problem, StepSequence
 from planner.two_arms.program import SCAN_STEP_S, ArmTrack, JointProgram, Timed
 
 logger = logging.getLogger(__name__)

@@ -53,9 +53,10 @@ class TwoArmPlan:
     Attributes:
         start: robot and bodies before the first step.
         plans: "left" and "right": the steps of each arm. Where both move at once, each is proven
-            clear by itself, in a world without the other arm and without the bodies that the other
-            arm handles. Where they take turns, each is proven clear of the other arm where that
-            stands still.
+            clear by itself, in a world without the other arm and without the bodies that only the
+            other arm handles. Where they take turns, each is proven clear of the other arm where
+            that stands still. A body that both carry together is in both plans, in which each hand
+            closes on it and opens at the same times.
         begins_s: for each arm, when each of its steps begins on the clock, in order.
         grip_s: duration of a gripper action on the clock: travel of the fingers and dwell.
         proof: the proof that both arms, with all bodies that they hold, are about to pick or have

@@ -13,16 +13,18 @@ from baxter_kin.display import shown_path
 from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike
 from baxter_kin.files.json_data import from_json, to_json
-from baxter_kin.files.json_text import Json
+from baxter_kin.files.json_text import Json, from_text
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import expect
 from planner.errors import PlanFileError
+from planner.plan import Plan
 from planner.plan_file import (
     ENTRIES,
     NO_CHECKSUM,
     check_size,
     content_of,
     document_of,
+    load_plan,
     states_document,
     with_states,
     without_states,
@@ -63,6 +65,20 @@ def load_two_arm_plan(path: PathLike) -> TwoArmPlan:
         return _plan(content_of(path))
     except PlanFileError as cause:
         raise PlanFileError(f"{shown_path(path)}: {cause}") from cause
+
+
+def load_any_plan(path: PathLike) -> Plan | TwoArmPlan:
+    """Read a plan of one arm or of both from a file, whichever it contains.
+
+    Raises:
+        PlanFileError: as `load_plan` and `load_two_arm_plan`.
+    """
+    try:
+        document = from_text(content_of(path), PlanFileError)
+    except PlanFileError as cause:
+        raise PlanFileError(f"{shown_path(path)}: {cause}") from cause
+    is_of_both = isinstance(document, dict) and document.get("format") == FORMAT
+    return load_two_arm_plan(path) if is_of_both else load_plan(path)
 
 
 def two_arm_document(plan: TwoArmPlan) -> dict[str, Json]:

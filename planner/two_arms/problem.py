@@ -7,12 +7,12 @@ An `ArmCycle` is one arm's cycle in a world without the other arm, as a plan and
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baxter_kin.fields import evolve
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact
 from planner.completion import after, complete, state_of
@@ -25,7 +25,7 @@ from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.cycles import LED, Cycle, with_intervals
 from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
 from planner.pick_place.planning import searched
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.task import InAir, PickAndPlace, PlanRequest
 from planner.plan import Grip, Move, Plan, PlanFailure, Step
 from planner.scene.bodies import Scene
 from planner.splines import Sketch
@@ -42,9 +42,10 @@ WITHDRAW_INTERVALS = LED["pick: approach"]
 """Number of intervals of that move in a motion program."""
 
 
-def other_than(side: str) -> str:
-    """The other arm, "left" or "right"."""
-    return LIMBS[1 - LIMBS.index(side)]
+def handed_over(plan: Plan) -> frozenset[str]:
+    """The bodies that the arm of a plan hands over to the other arm."""
+    grips = (step for step in plan if isinstance(step, Grip) and step.receiver)
+    return frozenset(grip.body for grip in grips if grip.body is not None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,11 +110,17 @@ class ArmCycle:
         task: PickAndPlace,
         manipulator: Manipulator,
         state: State,
-        without: frozenset[str],
+        without: frozenset[str] | None,
         requirements: Requirements,
+        *,
+        in_air: InAir | None = None,
     ) -> ArmCycle:
-        """The fastest cycle of a task, without the other arm and some bodies."""
-        plan, search = searched(requirements.request(manipulator, state, without), task)
+        """The fastest cycle of a task, without the other arm and some bodies (`Requirements`).
+
+        At the end that is `in_air`, the other hand holds the body, too.
+        """
+        request = requirements.request(manipulator, state, without)
+        plan, search = searched(replace(request, in_air=in_air), task)
         return cls(search, plan)
 
     @property
@@ -244,7 +251,12 @@ class Problem:
     def across(self, plans: Mapping[str, Plan]) -> Across:
         """Both arms against each other in some complete plans."""
         episodes = {
-            side: episodes_of(plans[side], self.manipulators[side], self.handled[side])
+            side: episodes_of(
+                plans[side],
+                self.manipulators[side],
+                self.handled[side],
+                handed_over(plans[other_than(side)]),
+            )
             for side in LIMBS
         }
         q_others = self.manipulators[LIMBS[0]].robot.configuration(dict(self.state.joints))
@@ -265,10 +277,7 @@ class Problem:
         """
         grip_s = self.requirements.grip_s
         plan = TwoArmPlan(self.state, plans, begins_s, grip_s, None, NOT_PROVEN, in_turn)
-        result = self.across(plans).prove(plan)
-        if isinstance(result, ContinuousContact):
-            return result
-        return evolve(plan, proof=result, failure=None)
+        return with_proof(plan, self.across(plans))
 
     def failed(self, failure: PlanFailure) -> TwoArmPlan:
         """A plan without steps, and why."""
@@ -290,6 +299,14 @@ class Problem:
             for name in self.handled[side]:
                 scene = scene.moved(name, end.scene[name].T_base_body)
         return evolve(self, state=evolve(state, joints=joints, scene=scene))
+
+
+def with_proof(plan: TwoArmPlan, across: Across) -> TwoArmPlan | ContinuousContact:
+    """The plan with its proof, or the contact that prevents it."""
+    result = across.prove(plan)
+    if isinstance(result, ContinuousContact):
+        return result
+    return evolve(plan, proof=result, failure=None)
 
 
 class StepSequence:

@@ -75,32 +75,61 @@ def plan_together(
         ConfigurationError: when an arm is outside its limits.
         MotionError: when the margin or the tolerance is invalid.
     """
+    each = {side: _several(given, side) for side, given in _of_both(tasks, "tasks").items()}
+    handled = {side: frozenset(task.body for task in each[side]) for side in LIMBS}
+    for name in sorted(handled["left"] & handled["right"]):
+        raise TaskError(f"{name!r} is in the tasks of both arms")
+    problem = checked_problem(
+        handled,
+        manipulators,
+        state,
+        margin_m=margin_m,
+        grip_s=grip_s,
+        line_tolerance=line_tolerance,
+        may_withdraw=may_withdraw,
+    )
+    if all(len(given) == 1 for given in each.values()):
+        return PairSearch(problem, {side: given[0] for side, given in each.items()}).plan()
+    return _in_rounds(problem, each)
+
+
+def checked_problem(
+    handled: Mapping[str, frozenset[str]],
+    manipulators: Mapping[str, Manipulator],
+    state: State,
+    *,
+    margin_m: float,
+    grip_s: float,
+    line_tolerance: LineTolerance,
+    may_withdraw: bool,
+) -> Problem:
+    """The problem that the arguments of `plan_together` state; its errors.
+
+    `handled` has the names of the bodies that each arm handles.
+    """
     arms = {
         side: expect(arm, Manipulator, f"manipulators[{side!r}]", TaskError)
         for side, arm in _of_both(manipulators, "manipulators").items()
     }
-    each = {side: _several(given, side) for side, given in _of_both(tasks, "tasks").items()}
     expect(state, State, "state", TaskError)
     for side in LIMBS:
-        _check_arm(side, arms[side], each[side], state)
-    handled = {side: frozenset(task.body for task in each[side]) for side in LIMBS}
-    for name in sorted(handled["left"] & handled["right"]):
-        raise TaskError(f"{name!r} is in the tasks of both arms")
+        _check_arm(side, arms[side], handled[side], state)
     if arms["left"].identity != arms["right"].identity:
         raise TaskError("both manipulators must be of the same robot")
-    stroke_s = max(arm.hand.stroke_m for arm in arms.values()) / FINGER_SPEED_M_S
-    finite_scalar(grip_s, "grip_s", TaskError, least=stroke_s)
     expect(may_withdraw, bool, "may_withdraw", TaskError)
     requirements = Requirements(
         checked_margin_m(margin_m),
-        float(grip_s),
+        checked_grip_s(grip_s, arms),
         checked_line_tolerance(line_tolerance),
         may_withdraw,
     )
-    problem = Problem(arms, state, handled, requirements)
-    if all(len(given) == 1 for given in each.values()):
-        return PairSearch(problem, {side: given[0] for side, given in each.items()}).plan()
-    return _in_rounds(problem, each)
+    return Problem(arms, state, handled, requirements)
+
+
+def checked_grip_s(grip_s: float, manipulators: Mapping[str, Manipulator]) -> float:
+    """The duration of a gripper action, refused where fingers take longer for their stroke."""
+    stroke_s = max(arm.hand.stroke_m for arm in manipulators.values()) / FINGER_SPEED_M_S
+    return float(finite_scalar(grip_s, "grip_s", TaskError, least=stroke_s))
 
 
 def _in_rounds(problem: Problem, tasks: Mapping[str, Sequence[PickAndPlace]]) -> TwoArmPlan:
@@ -141,14 +170,12 @@ def _several(given: Any, side: str) -> tuple[PickAndPlace, ...]:
     return found
 
 
-def _check_arm(
-    side: str, manipulator: Manipulator, tasks: Sequence[PickAndPlace], state: State
-) -> None:
+def _check_arm(side: str, manipulator: Manipulator, handled: frozenset[str], state: State) -> None:
     if manipulator.arm.side != side:
         raise TaskError(f"the manipulator for {side!r} is the {manipulator.arm.side} arm")
-    for task in tasks:
-        if not state.scene[task.body].is_movable:
-            raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
+    for name in sorted(handled):
+        if not state.scene[name].is_movable:
+            raise TaskError(f"{name!r} is not movable, so it cannot be picked")
     held = state.holding(side)
     if held is not None:
         raise TaskError(f"the {side} hand holds {held.body!r}; it must be empty at first")

@@ -8,22 +8,29 @@ from typing import Any
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.display import clear, seconds
-from baxter_kin.fields import frozen, mapping
+from baxter_kin.fields import evolve, field, field_names, frozen, mapping
 from baxter_kin.files.json_text import Json
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import expect
 from planner.certificate.checking import BETWEEN, Certified, Witness, alone, check_both
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
-from planner.certificate.timeline import StepWitness
+from planner.certificate.timeline import TOGETHER_M, TOGETHER_RAD, StepWitness
 from planner.certificate.timeline.both_arms import BothArms
 from planner.errors import TaskError
 from planner.prover.problem import SHARES, NotShownError
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.plan_file import two_arm_document
-from planner.verification.certificate import Certificate
+from planner.verification.certificate import Certificate, Check, Worst
+from planner.verification.inspection import robot_difference
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of, witness_of
+
+OF_HANDS = (
+    ("distance of hands in one body", TOGETHER_M, "m"),
+    ("turn of hands in one body", TOGETHER_RAD, "rad"),
+)
+"""What is checked of the hands that hold one body, the bounds and their units."""
 
 
 @frozen(error=TaskError)
@@ -39,6 +46,10 @@ class TwoArmCertificate:
         apart_m: the proven distance of both arms, with the bodies that they handle, in each window
             of the clock, by label and in order.
         grip_s: what was assumed of each gripper action: that it takes no longer.
+        checks: how far the hands leave their poses in a body that both hold, at any instant; empty
+            where there is no such body.
+        subject: the plan that was checked, for its own robot; None unless `verify_both` made the
+            certificate in this process.
     """
 
     arms: Mapping[str, Certificate] = mapping()
@@ -47,11 +58,19 @@ class TwoArmCertificate:
     rows: int = 0
     apart_m: tuple[tuple[str, float], ...] = ()
     grip_s: float = 0.0
+    checks: tuple[Check, ...] = ()
+    subject: TwoArmPlan | None = field(default=None, repr=False, eq=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle everything but the subject."""
+        kept = (getattr(self, name) for name in field_names(self) if name != "subject")
+        return type(self), tuple(kept)
 
     @property
     def is_valid(self) -> bool:
-        """Whether the checker certifies the plan and every check of both arms is passed."""
-        return not self.reason and all(arm.is_valid for arm in self.arms.values())
+        """Whether the checker certifies the plan and every check is passed."""
+        are_passed = all(check.is_passed for check in self.checks)
+        return not self.reason and are_passed and all(arm.is_valid for arm in self.arms.values())
 
     @property
     def clearance_m(self) -> float:
@@ -62,6 +81,7 @@ class TwoArmCertificate:
     def verdict(self) -> str:
         """The verdict as one sentence, with the reasons of a refusal."""
         failed = [arm.verdict for arm in self.arms.values() if not arm.is_valid]
+        failed += [str(check) for check in self.checks if not check.is_passed]
         if self.reason or failed:
             return f"not valid: {'; '.join(filter(None, (self.reason, *failed)))}"
         return (
@@ -69,10 +89,21 @@ class TwoArmCertificate:
             f"apart; assumed: one clock for both, gripper actions of at most {self.grip_s:g} s"
         )
 
+    def is_of(self, plan: TwoArmPlan) -> bool:
+        """Whether `verify_both` made this certificate in this process, for this plan.
+
+        The plan must be the same object; a copy, or the same plan read from a file again, does not
+        count. False as well for a certificate that was made for another robot than the plan's.
+
+        Raises:
+            TaskError: when the argument has the wrong type.
+        """
+        return self.subject is expect(plan, TwoArmPlan, "plan", TaskError)
+
     def __str__(self) -> str:
         apart = [f"{label:36} {1e3 * apart:9.3f} mm" for label, apart in self.apart_m]
         tables = [f"{side} arm\n{self.arms[side].table()}" for side in self.arms]
-        return "\n".join([self.verdict, *tables, *apart])
+        return "\n".join([self.verdict, *tables, *map(str, self.checks), *apart])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON; a value that is not finite is null."""
@@ -83,6 +114,7 @@ class TwoArmCertificate:
             "rows": self.rows,
             "grip_s": self.grip_s,
             "apart_m": [[label, apart] for label, apart in self.apart_m],
+            "checks": [check.as_dict() for check in self.checks],
             "arms": {side: arm.as_dict() for side, arm in self.arms.items()},
         }
 
@@ -108,6 +140,11 @@ def verify_both(
         TaskError: when an argument has the wrong type.
     """
     known = _known(plan, description)
+    differs = any(robot_difference(own, known) for own in plan.plans.values())
+    return evolve(_verified(plan, known), subject=None if differs else plan)
+
+
+def _verified(plan: TwoArmPlan, known: RobotDescription) -> TwoArmCertificate:
     try:
         _, found = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:
@@ -119,6 +156,11 @@ def verify_both(
         rows=between.rows,
         apart_m=between.clearances_m,
         grip_s=plan.grip_s,
+        checks=tuple(
+            Worst(*between.worst[name]).at_most(bound, name, unit)
+            for name, bound, unit in OF_HANDS
+            if name in between.worst
+        ),
     )
 
 
@@ -160,8 +202,8 @@ def _certified(
         side: SoughtTimeline(own, known.text, is_alone=True)
         for side, own in alone(document).items()
     }
-    found = {side: timeline.witness() for side, timeline in timelines.items()}
     both = BothArms(body, timelines, plan.begins_s, plan.grip_s)
+    found = {side: timeline.witness() for side, timeline in timelines.items()}
     none = [StepWitness()] * both.windows
     for share in SHARES:
         try:

@@ -73,6 +73,12 @@ class Check:
             f"{unit} ({self.where})"
         )
 
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; a value that is not finite is null."""
+        data = {name: getattr(self, name) for name in field_names(self)}
+        plain = {"value": _finite(self.value), "relation": self.relation.value}
+        return {**data, **plain, "is_passed": self.is_passed}
+
     def _facts(self) -> tuple[str, ...]:
         return "passed" if self.is_passed else "failed", str(self)
 
@@ -253,7 +259,7 @@ class Certificate:
             "steps": self.steps,
             "limits": self.limits,
             "geometry": self.geometry,
-            "checks": [_plain(check) for check in self.checks],
+            "checks": [check.as_dict() for check in self.checks],
         }
 
     def _facts(self) -> tuple[str, ...]:
@@ -269,12 +275,6 @@ class Certificate:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _plain(check: Check) -> dict[str, Any]:
-    data = {name: getattr(check, name) for name in field_names(check)}
-    plain = {"value": _finite(check.value), "relation": check.relation.value}
-    return {**data, **plain, "is_passed": check.is_passed}
 
 
 def _world(state: State, limb: str) -> Any:

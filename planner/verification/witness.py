@@ -190,7 +190,7 @@ class SoughtTimeline(Timeline):
             except NotShownError:
                 return None
 
-        proofs = [step["proof"] for step in self._plan_steps]
+        proofs = [step["proof"] for step in self.plan_steps]
         first, *others, last = _attempts(proofs, less_m)
         best = shown(*first)
         if best is None:
@@ -205,7 +205,7 @@ class SoughtTimeline(Timeline):
         motion: Polynomials | None = None,
         puts_down: bool = False,
     ) -> StepWitness:
-        step, closing = self._plan_steps[number], None
+        step, closing = self.plan_steps[number], None
         contacts: dict[str, tuple[float, float]] = {}
         stated = {contact["other"] for contact in step["contacts"]}
         if motion is not None and now.held is not None:

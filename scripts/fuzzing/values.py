@@ -27,7 +27,7 @@ from baxter_kin import Baxter, ElectricGripper, IKService, ik
 from baxter_kin.ik.tolerance import Task
 from fuzzing.targets import CONSTRUCTIBLE, Target
 from planner.clearance import Clearance, ContinuousProof
-from planner.two_arms.relative_pose import RelativeDeviation
+from planner.two_arms.pair_moves.relative_pose import RelativeDeviation
 from planner.verification import Relation
 from sim.events import Sample
 from sim.ros1.definitions import message_type
@@ -40,6 +40,7 @@ LONG = 100_000
 FILLER = "x"
 TABLE_Z_M = -0.155
 BODY = "block"
+HAND_Y_M = {"left": 0.2, "right": -0.2}
 
 
 class Stranger:
@@ -172,6 +173,10 @@ def _pair_move() -> Any:
     )
 
 
+def _body_tips() -> dict[str, pin.SE3]:
+    return {side: pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for side, y in HAND_Y_M.items()}
+
+
 def _sample() -> Sample:
     flags = {"is_enabled": True, "is_stopped": False, "has_error": False}
     return Sample(0.0, "left", *[np.array(one("q"))] * 3, np.zeros(7), 0.0, 0.0, **flags)
@@ -244,6 +249,8 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         "FollowedPath": lambda: p.FollowedPath(
             tuple(one("Polyline").pieces()), np.ones(1), speed_m_s=0.1
         ),
+        "PairCarry": lambda: p.PairCarry(BODY, _body_tips(), one("SE3")),
+        "Handover": lambda: p.Handover(BODY, one("Body").T_base_body),
         "PairMove": _pair_move,
         "PickAndPlace": lambda: p.PickAndPlace(BODY, one("T_grasp"), one("T_grasp")),
         "Transfer": lambda: s.Transfer(
@@ -400,12 +407,15 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "part.joints": _given(slice(0, 3)),
         "strokes": _given(None),
         "side_by_side.each": _made_by(lambda: [one("JointLimits")]),
+        "plan_pair_carry.task": _of("PairCarry"),
+        "plan_handover.task": _of("Handover"),
         "plan_together.tasks": _made_by(
             lambda: {side: one("PickAndPlace") for side in ("left", "right")}
         ),
         "manipulators": _made_by(
             lambda: {"left": one("Manipulator"), "right": p.Manipulator.of(one("Baxter"), "right")}
         ),
+        "T_body_tips": _made_by(_body_tips),
         "PairMove.deviation": _made_by(lambda: one("PairMove").deviation),
         "PairMove.proof": _made_by(lambda: one("PairMove").proof),
         "carry_together.left": _made_by(lambda: (BODY, (0.7, 0.2))),

@@ -31,6 +31,7 @@ NAMES = (
     "5_your_own_task",
     "6_a_baxter_on_the_network",
     "7_what_it_can_reach",
+    "8_two_arms",
 )
 
 OLDEST_PYTHON = {"7_what_it_can_reach": (3, 11)}

@@ -12,7 +12,7 @@ are of one surface in the other solid, so never more than it takes to part the t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -65,19 +65,28 @@ STATED_M, LEVELLED = 5e-4, 0.018
 body may turn as it comes down: the planner's fingers are hulls of those that close here."""
 
 
-def check_plan(plan: Any, *, margin_m: float = 0.0, state: Any = None) -> list[Finding]:
+def check_plan(
+    plan: Any,
+    *,
+    margin_m: float = 0.0,
+    state: Any = None,
+    robot: Robot | None = None,
+    without: Collection[str] = (),
+) -> list[Finding]:
     """Everything that contradicts a plan; nothing when it is right.
 
     Args:
         plan: its steps, `q_start`, limb and state.
         margin_m: the distance that it was asked to keep.
         state: the world before it; the plan's own when not given.
+        robot: the whole robot when not given.
+        without: bodies that are not in this world, although the plan may state them.
     """
-    robot = load_robot()
-    findings = list(motion_faults(plan, robot))
+    whole = load_robot() if robot is None else robot
+    findings = list(motion_faults(plan, whole))
     if any(finding.kind == "jumps" for finding in findings):
         return findings
-    return findings + list(_Check(plan, state, robot, margin_m).findings())
+    return findings + list(_Check(plan, state, whole, margin_m, without).findings())
 
 
 # The numbers of trajectories
@@ -113,8 +122,19 @@ def sampled(trajectory: Any) -> tuple[Array, list[Array]]:
     """Every millisecond, every knot, and the end: times, shape (n,), and q, v, a, shape (n, 7)."""
     knots = np.array(trajectory.knots_s, dtype=float)
     t = np.union1d(np.arange(0.0, knots[-1], STEP_S), knots)
+    return t, _states_at(trajectory, knots, t)
+
+
+def positions(trajectory: Any, times_s: Array) -> Array:
+    """Positions at times since its beginning, shape (n, 7); after its end it rests."""
+    knots = np.array(trajectory.knots_s, dtype=float)
+    return _states_at(trajectory, knots, np.minimum(times_s, knots[-1]))[0]
+
+
+def _states_at(trajectory: Any, knots: Array, t: Array) -> list[Array]:
+    """q, v and a at times, shape (n, 7)."""
     i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, max(len(knots) - 2, 0))
-    return t, _states(trajectory, i, t - knots[i])
+    return _states(trajectory, i, t - knots[i])
 
 
 def _states(trajectory: Any, i: Any, dt: Array) -> list[Array]:
@@ -200,12 +220,16 @@ class _Run:
 class _Check:
     """The stage as it changes, and the findings."""
 
-    def __init__(self, plan: Any, state: Any, robot: Robot, margin_m: float) -> None:
+    def __init__(
+        self, plan: Any, state: Any, robot: Robot, margin_m: float, without: Collection[str]
+    ) -> None:
         self._steps = list(plan.steps)
         self._rest = margin_rule(margin_m)
         self._state = plan.start if state is None else state
-        self._judges_states = self._state is plan.start
-        self._stage = Stage.of(plan, self._state, robot)
+        stage = Stage.of(plan, self._state, robot)
+        self._stage = stage.without(without)
+        is_whole = self._stage.things.keys() == stage.things.keys()
+        self._judges_states = self._state is plan.start and is_whole
         self._released: str | None = None
 
     def findings(self) -> Iterator[Finding]:
@@ -220,7 +244,7 @@ class _Check:
             moves = []
             if self._judges_states:
                 yield from stated_otherwise(step, self._stage)
-            yield from self._closed(step) if _closes(step) else self._opened(step)
+            yield from self._closed(step) if closes(step) else self._opened(step)
         yield from self._moved(moves, None)
 
     def _held_elsewhere(self) -> Iterator[Finding]:
@@ -269,7 +293,7 @@ class _Check:
         if not moves:
             return
         stage, (run, q) = self._stage, self._run(moves)
-        wanted = grip.body if grip is not None and _closes(grip) else None
+        wanted = grip.body if grip is not None and closes(grip) else None
         if self._judges_states:
             for move in moves:
                 yield from stated_otherwise(move, stage.moved(np.array(move.trajectory.q_start)))
@@ -279,7 +303,7 @@ class _Check:
         spans_of = partial(self._spans, run, wanted)
         yield from self._robot_and_things(run, links, moving, spans_of, None)
         if stage.held is not None:
-            puts_down = grip is not None and not _closes(grip)
+            puts_down = grip is not None and not closes(grip)
             yield from self._carried(run, links, stage.held, stage.tips(q), puts_down)
         first = 0
         for move in moves:
@@ -345,7 +369,7 @@ class _Check:
             is_first, is_last = number == 0, number == len(moves) - 1
             may: set[tuple[str, str]] = set()
             if stage.held is not None:
-                puts_down = is_last and grip is not None and not _closes(grip)
+                puts_down = is_last and grip is not None and not closes(grip)
                 at = [stage] * is_first + [stage.moved(move.trajectory.q_goal)] * puts_down
                 may = {
                     (held.name, name)
@@ -372,14 +396,10 @@ class _Check:
         if thing is not None and not found.holds:
             yield Finding("missed by the fingers", grip.label, thing.name)
         yield from self._fingers_move(grip.label, found.openings_m, thing, found.T_things)
-        self._stage = stage.opened(float(found.openings_m[-1]))
-        if thing is not None and found.holds:
-            T = found.T_things[-1]
-            T_tip_thing = np.linalg.inv(self._stage.tip(stage.limb)) @ T
-            self._stage = self._stage.with_thing(thing.at(T)).holding(thing.name, T_tip_thing)
+        self._stage = stage.closed(thing, found)
 
     def _opened(self, grip: Any) -> Iterator[Finding]:
-        goal = self._stage.stroke_m if grip.opening_m is None else float(grip.opening_m)
+        goal = self._stage.goal_of(grip)
         held = None if self._stage.held is None else self._stage.held.name
         if held != grip.body:
             names = str(grip.body), held or "nothing"
@@ -494,7 +514,8 @@ def _turned(R: Array, R_tip: Array, free_about: str) -> Array:
     return np.arccos(((np.einsum("nij,ij->n", R, R_tip) - 1.0) / 2.0).clip(-1.0, 1.0))
 
 
-def _closes(grip: Any) -> bool:
+def closes(grip: Any) -> bool:
+    """Whether a gripper action closes the fingers."""
     return str(getattr(grip.action, "value", grip.action)) == "close"
 
 

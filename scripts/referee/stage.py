@@ -8,7 +8,7 @@ be found inside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -168,10 +168,29 @@ class Stage:
         others = {key: thing for key, thing in self.things.items() if key != name}
         return replace(self, things=others, held=self.things[name], T_tip_held=T_tip_held)
 
+    def closed(self, thing: Thing | None, found: Closing) -> Stage:
+        """The hand after it has closed, with a body in it that both pads met."""
+        stage = self.opened(float(found.openings_m[-1]))
+        if thing is None or not found.holds:
+            return stage
+        T = found.T_things[-1]
+        T_tip_thing = np.linalg.inv(stage.tip(stage.limb)) @ T
+        return stage.with_thing(thing.at(T)).holding(thing.name, T_tip_thing)
+
+    def goal_of(self, grip: Any) -> float:
+        """Where an opening grip brings the fingers."""
+        return self.stroke_m if grip.opening_m is None else float(grip.opening_m)
+
     def released(self) -> Stage:
         """What is held, left where it is."""
         thing = self.in_hand
         return self if thing is None else replace(self.with_thing(thing), held=None)
+
+    def without(self, names: Iterable[str]) -> Stage:
+        """The same without some bodies that are not held."""
+        gone = set(names)
+        things = {name: thing for name, thing in self.things.items() if name not in gone}
+        return replace(self, things=things)
 
     def links(self, joints: Mapping[str, Array | float]) -> dict[str, list[Track]]:
         """The solids of each link where some joints, shape (n,) or (), put it."""

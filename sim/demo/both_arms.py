@@ -137,7 +137,7 @@ class BothArms(DemoSession):
             return certificate.verdict
         if self._options.plan is not None:
             save_two_arm_plan(plan, self._options.plan)
-        outcome = simulation.execute(plan, unverified=True)  # its contacts are checked, too
+        outcome = simulation.execute(plan, certificate=certificate)
         self._both.end_together(plan, outcome, self._blocks_m())
         return outcome.failure
 

@@ -1,11 +1,12 @@
 """`python -m sim.ros1.execute FILE`: carry out a saved plan, or a recording, on a Baxter.
 
-Of a recording, the arm repeats what it did (`sim.recording.motion_from`); as before every plan, a
-slow move that is proven clear takes it to the start.
+The plan is one of one arm or of both. Of a recording, the arm repeats what it did
+(`sim.recording.motion_from`); as before every plan, slow moves that are proven clear take the arms
+to the start, one after the other.
 
 Exit status: 0 done; 1 a condition does not hold or it ended early, and why is on stderr; 2 wrong
 usage, or a file that holds no plan, recording or response; 130 and 143 stopped by Ctrl-C and by
-SIGTERM, after which the arm holds where it is.
+SIGTERM, after which the arms hold where they are.
 """
 
 from __future__ import annotations
@@ -39,14 +40,19 @@ from sim.ros1.terminal import (
 )
 
 if TYPE_CHECKING:  # --help needs none of them
-    from planner import Plan, Response
+    from planner import Plan, Response, TwoArmPlan
     from sim.recording.recording import Recording
     from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
     from sim.ros1.execution.link import BaxterLink
-    from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+    from sim.ros1.execution.readiness import (
+        ExecutionOptions,
+        ReadyPlan,
+        ReadyTwoArmPlan,
+    )
 
 TERMINAL = Terminal("baxter-execute")
 PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
+NO_TRACKING = "there is no tracking proof of both arms; leave out --lag-s and --response"
 RECORDING, TOLERANCE_RAD = "a recording", 0.01
 
 
@@ -74,7 +80,7 @@ class ExecuteOptions:
 
     plan: str = option(
         metavar="FILE",
-        help="a plan that save_plan or the demo saved (.json), or a recording (.bag, .csv, .mcap)",
+        help="a plan of one arm or both that was saved (.json), or a recording (.bag, .csv, .mcap)",
     )
     is_confirmed: bool = flag("--yes", help="move without asking")
     is_dry_run: bool = flag("--dry-run", help="check everything, send nothing")
@@ -198,8 +204,9 @@ def run() -> NoReturn:
 
 
 def _loaded(options: ExecuteOptions, signals: Signals) -> int:
-    from planner import load_plan  # noqa: PLC0415
+    from planner import TwoArmPlan  # noqa: PLC0415
     from planner.errors import PlanFileError, ResponseError  # noqa: PLC0415
+    from planner.two_arms.plan_file import load_any_plan  # noqa: PLC0415
     from sim.errors import RecordingError  # noqa: PLC0415
 
     try:
@@ -209,8 +216,13 @@ def _loaded(options: ExecuteOptions, signals: Signals) -> int:
             return _connected(
                 options, recording, _settings(options, _response(options, limb)), signals
             )
-        plan = load_plan(options.plan)
-        response = _response(options, plan.limb)
+        plan = load_any_plan(options.plan)
+        if isinstance(plan, TwoArmPlan):
+            if options.lag_s is not None or options.response is not None:
+                return TERMINAL.complain(NO_TRACKING, EXIT_USAGE)
+            response = None
+        else:
+            response = _response(options, plan.limb)
     except (PlanFileError, RecordingError, ResponseError) as error:
         return TERMINAL.complain(str(error), EXIT_USAGE)
     if plan.failure is not None:
@@ -253,19 +265,23 @@ def _repeated(recording: Recording, options: ExecuteOptions, link: BaxterLink) -
 
 
 def _connected(
-    options: ExecuteOptions, given: Plan | Recording, how: ExecutionOptions, signals: Signals
+    options: ExecuteOptions,
+    given: Plan | TwoArmPlan | Recording,
+    how: ExecutionOptions,
+    signals: Signals,
 ) -> int:
-    from planner import Plan  # noqa: PLC0415
     from sim.errors import RecordingError, RosError  # noqa: PLC0415
+    from sim.recording.recording import Recording  # noqa: PLC0415
     from sim.ros1.execution.execution import RosExecutor  # noqa: PLC0415
     from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
+    from sim.ros1.execution.readiness import ReadyTwoArmPlan  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
     with ExitStack() as stack:
         node = stack.enter_context(Node("/baxter_kin", takes_over=False))
         link = stack.enter_context(BaxterLink(node))
         try:
-            plan = given if isinstance(given, Plan) else _repeated(given, options, link)
+            plan = _repeated(given, options, link) if isinstance(given, Recording) else given
         except (RecordingError, RosError) as error:
             return TERMINAL.complain(f"nothing was moved: {error}")
         if plan.failure is not None:
@@ -278,7 +294,9 @@ def _connected(
         for text in ready.guarded():
             TERMINAL.say(f"     {text}")
         if options.is_dry_run:
-            if how.response is None:
+            if isinstance(ready, ReadyTwoArmPlan):
+                TERMINAL.say("not proven: how the arms lag, which is not known of both")
+            elif how.response is None:
                 TERMINAL.say("not proven: how the arm lags (--response)")
             TERMINAL.say(f"would move: {ready.summary}")
             return 0
@@ -288,21 +306,27 @@ def _connected(
 
 
 def _moved(
-    executor: RosExecutor, ready: ReadyPlan, options: ExecuteOptions, signals: Signals
+    executor: RosExecutor,
+    ready: ReadyPlan | ReadyTwoArmPlan,
+    options: ExecuteOptions,
+    signals: Signals,
 ) -> int:
     """Enable, ask, and execute the plan."""
+    from sim.ros1.execution.readiness import ReadyTwoArmPlan  # noqa: PLC0415
     from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
 
     executor.enable()
     TERMINAL.say(ready.summary)
     if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved, and the robot stays enabled")
+    is_of_both = isinstance(ready, ReadyTwoArmPlan)
+    holding = "both arms hold where they are" if is_of_both else "the arm holds where it is"
     with signals.stopping(lambda name: executor.stop(StopCause(name))):
         outcome = executor.execute(ready)
-    return _ended(outcome, signals)
+    return _ended(outcome, signals, holding)
 
 
-def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
+def _ended(outcome: MeasuredOutcome, signals: Signals, holding: str) -> int:
     median, late, latest = (f"{1e3 * each:.1f}" for each in outcome.lateness_s)
     TERMINAL.say(
         f"{outcome.duration_s:.1f} s; at most {outcome.joint_deviation_rad:.4f} rad off a "
@@ -317,9 +341,7 @@ def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
         return 0
     holds = outcome.stop is not None and outcome.stop.cause.holds
     status = signals.status(EXIT_FAILED)
-    return TERMINAL.complain(
-        outcome.failure + ("; the arm holds where it is" if holds else ""), status
-    )
+    return TERMINAL.complain(outcome.failure + (f"; {holding}" if holds else ""), status)
 
 
 def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOptions:

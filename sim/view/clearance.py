@@ -119,7 +119,12 @@ class _Surroundings:
     """
 
     def __init__(
-        self, shapes: RobotShapes, arm: Arm, scene: Scene, hand: HandState, held: Attachment | None
+        self,
+        shapes: RobotShapes,
+        arm: Arm,
+        scene: Scene,
+        hand: HandState,
+        held: Sequence[Attachment],
     ) -> None:
         self.checker = ClearanceChecker(
             shapes,
@@ -180,7 +185,7 @@ class ClearanceMeter:
         """
         _ = shapes.made
         self._shapes, self._bodies = shapes, dict(bodies)
-        self._known: dict[str, tuple[tuple[object, ...], Attachment | None, _Surroundings]] = {}
+        self._known: dict[str, tuple[tuple[object, ...], list[Attachment], _Surroundings]] = {}
 
     def at(
         self,
@@ -201,7 +206,7 @@ class ClearanceMeter:
             moving: the sides of the arms that move, at least one.
         """
         present = {name: T_base_bodies[name] for name in self._bodies if name in T_base_bodies}
-        around = [self._surroundings(side, q, present, hands[side]) for side in moving]
+        around = [self._surroundings(side, q, present, hands) for side in moving]
         found = [(each, *each.checker.nearest(q, each.pairs)) for each in around]
         best, pair, distance_m = min(found, key=lambda each: each[2])
         if np.isinf(distance_m):
@@ -220,28 +225,35 @@ class ClearanceMeter:
         return best.result(pair, distance_m, of_arms)
 
     def _surroundings(
-        self, side: str, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], hand: HandState
+        self,
+        side: str,
+        q: FloatArray,
+        T_base_bodies: Mapping[str, pin.SE3],
+        hands: Mapping[str, HandState],
     ) -> _Surroundings:
         """The surroundings of an arm; made again when they have changed since the last call."""
-        held, robot, name = None, self._shapes.robot, hand.held
-        arm = robot.arm(side)
+        robot, hand = self._shapes.robot, hands[side]
+        arm, name, held = robot.arm(side), hand.held, list[Attachment]()
         if name is not None and name in T_base_bodies:
-            T_tip_base = arm.T_base_tip(q[list(robot.indices(arm.joint_names))]).inverse()
-            held = Attachment(name, arm.tip_frame, T_tip_base * T_base_bodies[name])
+            holding = [each for each in hands if hands[each].held == name]
+            for each in (robot.arm(other) for other in sorted(holding, key=lambda s: s != side)):
+                T_tip_base = each.T_base_tip(q[list(robot.indices(each.joint_names))]).inverse()
+                held.append(Attachment(name, each.tip_frame, T_tip_base * T_base_bodies[name]))
         poses = {n: T.homogeneous.tobytes() for n, T in T_base_bodies.items() if n != name}
         key = (hand, *poses.items())
         known = self._known.get(side)
-        if known is None or known[0] != key or not _is_same_grasp(known[1], held):
+        if known is None or known[0] != key or not _are_same_grasps(known[1], held):
             scene = Scene.of(self._bodies[each].at(T) for each, T in T_base_bodies.items())
             around = _Surroundings(self._shapes, arm, scene, hand, held)
             known = self._known[side] = key, held, around
         return known[2]
 
 
-def _is_same_grasp(one: Attachment | None, other: Attachment | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return bool(one.T_link_body.isApprox(other.T_link_body, SAME_GRASP))
+def _are_same_grasps(some: Sequence[Attachment], others: Sequence[Attachment]) -> bool:
+    return len(some) == len(others) and all(
+        one.side == other.side and one.T_link_body.isApprox(other.T_link_body, SAME_GRASP)
+        for one, other in zip(some, others, strict=True)
+    )
 
 
 def recorded_clearance(

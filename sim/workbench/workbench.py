@@ -26,13 +26,15 @@ from baxter_kin import Baxter
 from baxter_kin.display import OneLine, count, listing, phrase, quoted
 from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.kinematics.robot import given_or_stock
 from baxter_kin.validation import expect, expect_all, finite_scalar, positive_scalar
 from planner import (
     Body,
     Cylinder,
     Grip,
+    Handover,
     LineTolerance,
     Manipulator,
     Part,
@@ -42,6 +44,7 @@ from planner import (
     Upright,
     make_block,
     overhead_grasp,
+    plan_handover,
     plan_pick_and_place,
     plan_start_move,
     plan_together,
@@ -288,7 +291,9 @@ class Workbench(OneLine):
         """Bring a block somewhere, grasped from above.
 
         Where only the other arm is in the way, and its hand is empty, it withdraws first, as by
-        `withdraw`; the verdict of the result says so.
+        `withdraw`. Where it is proven that no arm reaches both the block and the place, one hand
+        gives it to the other in the air, unless `arm` or `upright_deg` is given. The verdict of the
+        result says so.
 
         On its way the block leans by at most 10 deg from how it stands, if a plan is found; if not,
         the verdict says by how much it leans.
@@ -315,6 +320,10 @@ class Workbench(OneLine):
         reason = self._hindrance(body, T_base_goal)
         refused = TaskResult.refused(body.name, reason) if reason else None
         result = refused or self._carried(body, T_base_goal, sides, upright)
+        if not (result.is_done or reason or upright.is_required) and len(sides) == len(LIMBS):
+            giver = self._giver(body, T_base_goal)
+            if giver is not None:
+                result = self._handed_over(body, T_base_goal, giver, result.planning_s)
         self.tasks.append(result)
         return result
 
@@ -538,7 +547,7 @@ class Workbench(OneLine):
         certificate = verify_both(plan, description=self.robot.description)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}", False
-        outcome = self.simulation.execute(plan, unverified=True)  # it is verified
+        outcome = self.simulation.execute(plan, certificate=certificate)
         self.motion_s += _moving_s(plan)
         order = f"in turn: {plan.in_turn}" if plan.in_turn else "at the same time"
         return outcome.failure or f"verified, both arms {order}", outcome.is_success
@@ -565,6 +574,37 @@ class Workbench(OneLine):
             reasons.append(reason)
         planning_s = time.perf_counter() - began
         return TaskResult.refused(body.name, "; ".join(reasons), planning_s, plan)
+
+    def _giver(self, body: Body, T_base_goal: pin.SE3) -> str | None:
+        """The arm that reaches a body, where it is proven that no arm reaches it and its place."""
+        beyond = {}
+        for side, arm in self._arms.items():
+            task, bound = self._task(arm, body, T_base_goal), ReachBound(arm.arm)
+            beyond[side] = [bound.proof(T) for T in (task.T_base_pick, task.T_base_place)]
+        if not all(any(each) for each in beyond.values()):
+            return None
+        return next(
+            (side for side in beyond if not beyond[side][0] and not beyond[other_than(side)][1]),
+            None,
+        )
+
+    def _handed_over(
+        self, body: Body, T_base_goal: pin.SE3, giver: str, planning_s: float
+    ) -> TaskResult:
+        """Carry a body by both arms, from hand to hand."""
+        began, arms = time.perf_counter(), {side: self.arm(side) for side in LIMBS}
+        plan = plan_handover(Handover(body.name, T_base_goal, giver), arms, self.world.state)
+        planning_s += time.perf_counter() - began
+        taker = other_than(giver)
+        verdict, is_done = self._executed_together(plan)
+        off_m = self._off_m(body.name, T_base_goal) if plan.is_valid else None
+        if is_done and off_m is not None and off_m > PLACED_WITHIN_M:
+            verdict, is_done = f"it ended {1e3 * off_m:.1f} mm from its place", False
+        motion_s, why = _moving_s(plan), f"its place is out of the {giver} arm's reach"
+        verdict += f"; from the {giver} to the {taker} hand, as {why}"
+        task, side = f"carry {body.name}", taker if plan.is_valid else ""
+        own = plan.plans[taker]
+        return TaskResult(task, body.name, side, motion_s, planning_s, off_m, verdict, is_done, own)
 
     def _drawn(
         self, strokes: Sequence[Stroke], tolerance: LineTolerance, sides: Sequence[str]

@@ -16,8 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import product
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin.display import millimetres, phrase, seconds
 from baxter_kin.fields import evolve, frozen
@@ -193,7 +195,10 @@ class ContactWatch:
 
 
 class _Loads:
-    """What both hands hold, where both arms may move; nothing otherwise."""
+    """What both hands hold, where both arms may move; nothing otherwise.
+
+    Hands that hold one body tear it apart where they would have it at different poses.
+    """
 
     def __init__(self, world: World, sides: Sequence[str]) -> None:
         held = [each for each in map(world.holding, sides) if each is not None]
@@ -209,11 +214,15 @@ class _Loads:
             arm = self._robot.arm(each.side)
             q_arm = q[list(self._robot.indices(arm.joint_names))]
             poses.append(arm.T_base_tip(q_arm) * each.T_link_body)
-        placed = [body.at(T) for body, T in zip(self._bodies, poses, strict=True)]
-        inside_m = depth_m(*placed) if placed else 0.0
+        if not poses:
+            return
+        first, second = (body.at(T) for body, T in zip(self._bodies, poses, strict=True))
+        if first.name == second.name:
+            inside_m, other = _farthest_m(first, poses[1]), self._held[1].link
+        else:
+            inside_m, other = depth_m(first, second), second.name
         if inside_m > PRESSING_TOLERANCE_M:
-            first, second = placed
-            yield Contact(time_s, first.name, second.name, True, inside_m, True, free_s)
+            yield Contact(time_s, first.name, other, True, inside_m, True, free_s)
 
 
 class _Surroundings:
@@ -222,12 +231,13 @@ class _Surroundings:
     def __init__(self, world: World, side: str, carried: Collection[str]) -> None:
         """Build the geometry; `carried` are held bodies that may move."""
         held = world.holding(side)
+        hands = [each for each in world.held if held is not None and each.body == held.body]
         away = {each for name in carried for each in (name, *world.riders(name))}
         self._scene = Scene.of(body for body in world.scene if body.name not in away)
         self._in_hands = {each.body for each in world.held}
         self._held, self._side = None if held is None else held.body, side
         scene = self._scene if held is None else self._scene.with_body(_laden(world, held.body))
-        self._checker = ClearanceChecker(world.shapes, world.robot.arm(side), scene, held=held)
+        self._checker = ClearanceChecker(world.shapes, world.robot.arm(side), scene, held=hands)
         self._touches = Touches(self._checker, -PRESSING_TOLERANCE_M)
 
     def touching(self, q: FloatArray) -> dict[str, list[int]]:
@@ -267,6 +277,14 @@ class _Surroundings:
         """Whether it is a movable body that no hand holds."""
         body = self._scene.bodies.get(name)
         return body is not None and body.is_movable and name not in self._in_hands
+
+
+def _farthest_m(body: Body, T_base_moved: pin.SE3) -> float:
+    """How far a point of the box around a body moves at most to another pose, m."""
+    corners = np.array(list(product(*(body.extent_m(axis) for axis in np.eye(3)))))
+    T = T_base_moved * body.T_base_body.inverse()
+    moved = corners @ T.rotation.T + T.translation - corners
+    return float(np.linalg.norm(moved, axis=1).max())
 
 
 def _laden(world: World, name: str) -> Body:

@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import OneLine, millimetres, phrase
-from baxter_kin.fields import array, frozen
+from baxter_kin.fields import array, evolve, frozen
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Box, Part
 from planner.grasping import Grasp
@@ -184,7 +184,8 @@ class Gripper(OneLine):
         expect(closing, Closing, "closing", SimulationError)
         self._world.set_fingers(self._side, finger_m)
         for push in closing.pushes:
-            self._world.slide(push.body, push.pose(finger_m))
+            if not self._world.is_held(push.body):  # else the other hand has closed on it meanwhile
+                self._world.slide(push.body, push.pose(finger_m))
 
     def finish(self, closing: Closing) -> None:
         """End a closing where it ends: hold the body, or report a miss from then on."""
@@ -219,6 +220,8 @@ def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
     if stop is None:
         return squeeze.missed(_nothing(squeeze, wanted))
     first, second = stop
+    if first.is_finger and world.is_held(second.name):
+        return _on_held(second, squeeze)
     if first.is_held_by(second) or second.is_held_by(first):
         return _between(first if second.is_finger else second, squeeze)
     return squeeze.missed(_blocked(first, second, squeeze))
@@ -241,6 +244,23 @@ def _between(slider: Slider, squeeze: Squeeze) -> Closing:
     if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
         text = f"the fingers touch {slider.name} outside of their pads"
         found = Miss(MissKind.EDGE, text, slider.name, 0.0)
+    return squeeze.missed(found)
+
+
+def _on_held(slider: Slider, squeeze: Squeeze) -> Closing:
+    """The closing on a body in the other hand, which does not give way; both then hold it."""
+    found = squeeze.close_on(slider.name)
+    if isinstance(found, Grasp) and abs(found.push_m) <= PRESSING_TOLERANCE_M:
+        squeeze.finger_m = found.finger_m
+        T_tip_body = squeeze.T_base_tip.inverse() * squeeze.world.body(slider.name).T_base_body
+        grasp = evolve(found, T_tip_body=T_tip_body)
+        return Closing(found.finger_m, slider.name, grasp, pushes=squeeze.pushes)
+    if not isinstance(found, Miss):
+        text = (
+            f"one finger would push {slider.name} by {1e3 * abs(found.push_m):.1f} mm, and the "
+            "other hand holds it"
+        )
+        found = Miss(MissKind.BLOCKED, text, slider.name)
     return squeeze.missed(found)
 
 
@@ -317,14 +337,15 @@ class Squeeze:
     Attributes:
         world: the robot and the bodies.
         finger_m: where the fingers are.
+        T_base_tip: pose of the hand.
     """
 
     def __init__(self, world: World, side: str) -> None:
         """Start where the fingers of a hand are now."""
         self.world, self.finger_m = world, world.finger_m(side)
-        self._hand, self._T_base_tip = world.hands[side], world.T_base_tip(side)
+        self._hand, self.T_base_tip = world.hands[side], world.T_base_tip(side)
         self._begin_m = self.finger_m
-        self._lift = PRESSING_TOLERANCE_M * (self._T_base_tip.rotation.T @ UP)
+        self._lift = PRESSING_TOLERANCE_M * (self.T_base_tip.rotation.T @ UP)
         self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
         self._sliders = [
             Slider(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
@@ -332,11 +353,10 @@ class Squeeze:
                 ("left", "right"), (-1, 1), self._hand.fingers, strict=True
             )
         ]
-        held = {each.body for each in world.held}
         for body in world.scene:
-            T_tip_body = self._T_base_tip.inverse() * body.T_base_body
+            T_tip_body = self.T_base_tip.inverse() * body.T_base_body
             parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
-            is_movable = body.is_movable and body.name not in held
+            is_movable = body.is_movable and not world.is_held(body.name)
             self._sliders.append(Slider(body.name, parts, is_movable=is_movable))
 
     def run(self) -> tuple[Slider, Slider] | None:
@@ -357,7 +377,7 @@ class Squeeze:
 
     def close_on(self, name: str) -> Grasp | Miss:
         """The hand's own prediction for one body, from where the fingers began."""
-        return self._hand.close_on(self._T_base_tip, self.world.body(name), self._begin_m)
+        return self._hand.close_on(self.T_base_tip, self.world.body(name), self._begin_m)
 
     def missed(self, miss: Miss) -> Closing:
         """The closing that ends here with a miss."""
@@ -380,7 +400,7 @@ class Squeeze:
                 by=slider.by,
                 begin_m=slider.begin_m,
                 end_m=self.finger_m,
-                axis_base=slider.sign * self._T_base_tip.rotation[:, 1],
+                axis_base=slider.sign * self.T_base_tip.rotation[:, 1],
                 T_base_begin=self.world.body(slider.name).T_base_body,
                 is_riding=slider.is_riding,
             )
@@ -410,15 +430,21 @@ class Squeeze:
         for gap_m, part, other in self._pairs(first, second):
             if gap_m - passed_m > max_m:
                 break  # all others are farther apart
-            moving = _moved(part, start_m * CLOSING_AXIS)
+            moving, lift = _moved(part, start_m * CLOSING_AXIS), self._lift_of(first)
             still = _moved(other, still_m * CLOSING_AXIS)
-            travel_m = travel_to_contact(_moved(moving, self._lift), along, still, max_m)
+            travel_m = travel_to_contact(_moved(moving, lift), along, still, max_m)
             if travel_m is not None and first.is_finger:  # the lift lets it pass over a support
                 exact_m = travel_to_contact(moving, along, still, max_m)
                 travel_m = travel_m if exact_m is None else exact_m
             if travel_m is not None:
                 found = max_m = travel_m
         return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
+
+    def _lift_of(self, slider: Slider) -> FloatArray:
+        """How far something is lifted to pass over its support; fingers never along their way."""
+        along = float(self._lift @ CLOSING_AXIS) if slider.is_finger else 0.0
+        lift: FloatArray = self._lift - along * CLOSING_AXIS
+        return lift
 
     def _pairs(self, first: Slider, second: Slider) -> list[tuple[float, Part, Part]]:
         """The shapes of two things that may meet, and their first distance along y.
@@ -427,7 +453,8 @@ class Squeeze:
         """
         key = first.name, second.name
         if key not in self._known:
-            lifted = [(part, _extents(_moved(part, self._lift))) for part in first.parts]
+            lift = self._lift_of(first)
+            lifted = [(part, _extents(_moved(part, lift))) for part in first.parts]
             others = [(part, _extents(part)) for part in second.parts]
             pairs = [
                 (_gap_along_y(one, two, first.sign), part, other)

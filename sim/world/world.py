@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.display import OneLine, listing, quoted
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
 from planner import Body, Hand, Scene, State
 from planner.collision.robot.robot_body import RobotBody
@@ -174,6 +175,10 @@ class World(OneLine):
         """What a hand holds, or None."""
         return self._held.get(self._side(side))
 
+    def is_held(self, name: str) -> bool:
+        """Whether a hand holds a body."""
+        return any(held.body == name for held in self._held.values())
+
     def move_arm(self, side: str, q: ArrayLike) -> None:
         """Put an arm at a configuration; what its hand holds moves along.
 
@@ -281,19 +286,26 @@ class World(OneLine):
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
         """Let a body move with a hand from now on.
 
+        A body that both hands hold moves with the left one.
+
         Raises:
             SceneError: when the body is not there.
             PoseError: when the pose is not a valid one.
-            SimulationError: when it is not movable, is in a hand already, or the hand is full.
+            SimulationError: when it is not movable, the hand is full, or the other hand holds the
+                body elsewhere.
         """
         if not self.body(name).is_movable:
             raise SimulationError(f"{quoted(name)} is not movable")
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
-        self._refuse_held(name)
-        self._held[side] = Attachment(
-            name, self.robot.arm(side).tip_frame, checked_pose(T_tip_body)
-        )
+        T = checked_pose(T_tip_body)
+        if self.is_held(name) and not np.allclose(
+            (self.T_base_tip(side) * T).homogeneous,
+            self._poses[name].homogeneous,
+            atol=PRESSING_TOLERANCE_M,
+        ):
+            self._refuse_held(name)
+        self._held[side] = Attachment(name, self.robot.arm(side).tip_frame, T)
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 
@@ -351,7 +363,10 @@ class World(OneLine):
 
     def _carry(self, side: str) -> None:
         held = self._held.get(side)
-        if held is not None:
+        if held is None:
+            return
+        hands = [each for each in self._held if self._held[each].body == held.body]
+        if side == min(hands, key=LIMBS.index):  # the other one follows
             self._put(held.body, self.T_base_tip(side) * held.T_link_body)
 
     def _put(self, name: str, T_base_body: pin.SE3) -> None:

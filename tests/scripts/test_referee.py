@@ -353,7 +353,7 @@ def test_a_plan_that_does_not_end_at_rest_is_found(manipulator: Manipulator) -> 
 
 @pytest.fixture(scope="module")
 def followed(manipulator: Manipulator) -> PathMove:
-    corners = [overhead(*xyz) for xyz in ((0.66, 0.15, 0.0), (0.74, 0.15, 0.0), (0.74, 0.2, 0.05))]
+    corners = [overhead(*xyz) for xyz in ((0.69, 0.15, 0.0), (0.72, 0.15, 0.0), (0.72, 0.17, 0.02))]
     return plan_path_move(manipulator, None, Polyline(corners), speed_m_s=0.05)
 
 

@@ -20,6 +20,7 @@ from planner import (
     State,
     TwoArmPlan,
     plan_joint_move,
+    verify_both,
 )
 from planner.clearance import Clearance, ContinuousProof
 from planner.completion import after, state_of
@@ -74,6 +75,24 @@ def executed(robot: Baxter, start: State, both: TwoArmPlan) -> tuple[Both, Outco
 @pytest.fixture(scope="module")
 def recording(executed: tuple[Both, Outcome]) -> Recording:
     return executed[0].recorder.recording()
+
+
+def test_a_certified_plan_is_executed_without_a_warning(
+    robot: Baxter, start: State, both: TwoArmPlan, caplog: pytest.LogCaptureFixture
+) -> None:
+    certificate = verify_both(both)
+    invalid = evolve(certificate, reason="too near")
+    short = evolve(both, plans={side: both.plans[side] for side in LIMBS})
+    for plan, given, warning in (
+        (both, None, "certificate=verify_both(plan)"),
+        (both, invalid, "not valid"),
+        (short, certificate, "certificate of another plan"),
+        (both, certificate, ""),
+    ):
+        caplog.clear()
+        assert Both(robot, start).simulation.execute(plan, certificate=given).is_success
+        assert warning in caplog.text
+        assert bool(caplog.records) == bool(warning)
 
 
 def test_both_arms_follow_the_plan_at_every_tick(

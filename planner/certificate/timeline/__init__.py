@@ -15,7 +15,7 @@ from planner.certificate.timeline.steps import (
     StepWitness,
     Timeline,
 )
-from planner.certificate.timeline.tip import TIP_TOLERANCE
+from planner.certificate.timeline.tip import TIP_TOLERANCE, TOGETHER_M, TOGETHER_RAD
 
 __all__ = [
     "A_MAX_RAD_S2",
@@ -26,6 +26,8 @@ __all__ = [
     "SLIDE_M",
     "STATE_TOLERANCE",
     "TIP_TOLERANCE",
+    "TOGETHER_M",
+    "TOGETHER_RAD",
     "TOUCH_M",
     "Limits",
     "Situation",

@@ -14,6 +14,17 @@ The clock is cut where a hand begins or ends to act. In between, each hand holds
 the same place. While a hand acts its arm rests, and what travels is replaced by what is thicker:
 fingers stand at the middle of their way and are thicker by half of it; a body that is pushed, or
 falls after its release, stands where it begins and is thicker by the whole way, which is straight.
+
+A body that both arms carry is in the timelines of both, which show that each arm keeps clear of
+it, and it of everything else, as that arm carries it. Here is shown that both mean the same body at
+the same pose: both hands close on it and open at the same times, do not push it, and at every
+instant in between the right tip stays where it is in the body, seen from the left hand.
+
+A body that is handed over belongs to the giver until that has arrived, and to the receiver from its
+next move on. In between it rests where the giver holds it, which is where the receiver's timeline
+has it: both timelines compare it with all that is near, the hands among it. So the clock must have
+the receiver close after the giver's arrival, the giver open when the receiver has closed, and the
+receiver rest until the giver's hand is open.
 """
 
 from __future__ import annotations
@@ -22,18 +33,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters
-from planner.certificate.errors import require
+from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import Array, Interval, Pose, norm_bound
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import ARM_JOINTS, OTHER_LIMB, Robot
+from planner.certificate.robot import ARM_JOINTS, OTHER_LIMB, Robot, poses_along
 from planner.certificate.rows import Mover, Pair, Step
 from planner.certificate.timeline.bodies import STATE_TOLERANCE, Situation
+from planner.certificate.timeline.contact import TOUCH_M
 from planner.certificate.timeline.steps import Timeline
+from planner.certificate.timeline.tip import TOGETHER_M, TOGETHER_RAD, relative_deviation
 
 LIMBS = tuple(OTHER_LIMB)
 
@@ -49,6 +63,9 @@ SAME_TIME_S = 1e-9
 MAX_MERGED_S = 5e-9
 """Maximum time from the first to the last of knots that count as one."""
 
+HANDED_M = 1e-5
+"""Maximum distance, m, and rotation, rad, of the poses in which two hands hold one body."""
+
 MIN_GRIP_S = 1e-3
 """Minimum duration of a gripper action on the clock, in which what happens is compared."""
 
@@ -63,17 +80,47 @@ class HandToHand:
         spans: poses of each joint at position 0 seen from the one before, the first from the left
             hand.
         offsets: upper bounds on the lengths of their translations, shape (14,), m.
+        tip: pose of the right tip seen from the last joint.
     """
 
     spans: Sequence[Pose]
     offsets: Array
+    tip: Pose
 
     @classmethod
     def of(cls, left: Robot, right: Robot) -> HandToHand:
         """The chain of both arms of one robot."""
         back = [span.inverse() for span in left.spans]
         spans = [Pose.identity(), *back[:0:-1], back[0] * right.spans[0], *right.spans[1:]]
-        return cls(spans, np.array([float(norm_bound(span.p.magnitude)) for span in spans]))
+        offsets = np.array([float(norm_bound(span.p.magnitude)) for span in spans])
+        return cls(spans, offsets, right.tip)
+
+    def tips(self, q: Interval) -> Pose:
+        """Poses of the right tip seen from the left arm's last joint, shape (k, 14), rad."""
+        return poses_along(self.spans, q) * self.tip
+
+
+@dataclass(frozen=True)
+class _Exchange:
+    """A body that goes from one hand to the other.
+
+    Attributes:
+        body: its name.
+        giver: the arm that brings it.
+        arrives_s: when the giver rests where the other hand takes the body.
+        leaves_s: when the receiver moves on with it.
+    """
+
+    body: str
+    giver: str
+    arrives_s: float
+    leaves_s: float
+
+    def is_of(self, side: str, begin_s: float, end_s: float) -> bool:
+        """Whether the body belongs to an arm in a window of the clock."""
+        if side == self.giver:
+            return end_s <= self.arrives_s + SAME_TIME_S
+        return begin_s >= self.leaves_s - SAME_TIME_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +144,8 @@ class BothArms:
             the bodies of both arms in each window in which a hand acts.
         numbers: None for the first, then the number of the window of each.
         windows: number of windows.
+        worst: upper bounds on the deviation of the hands from their poses in a body that both hold,
+            by name, each with where it occurs; empty where there is no such body.
         duration_s: when the last step of both arms ends.
     """
 
@@ -120,7 +169,8 @@ class BothArms:
 
         Raises:
             NotCertifiedError: when a step begins before the previous one of its arm has ended, an
-                arm does not move, or there are other windows.
+                arm does not move, there are other windows, or the hands do not hold a body
+                together that both handle.
         """
         self._timelines, self.clusters = timelines, Clusters()
         self.robot = HandToHand.of(*(timelines[side].robot for side in LIMBS))
@@ -134,6 +184,8 @@ class BothArms:
             for side in LIMBS
         }
         self.duration_s = max(clock.end_s for clock in self._clocks.values())
+        self.worst: dict[str, tuple[float, str]] = {}
+        self._exchanges = {each.body: each for each in self._handed_over()}
         self.steps = [Step("bodies of both arms at first", list(self._at_first()), None, _still())]
         self.numbers: list[int | None] = [None]
         windows = list(self._windows())
@@ -143,7 +195,11 @@ class BothArms:
         for number, (begin_s, end_s) in enumerate(windows):
             motion, label = self._motion(begin_s, end_s), _label(begin_s, end_s)
             hands = [self._clocks[side].hand(0.5 * (begin_s + end_s)) for side in LIMBS]
-            left, right = (list(self._of_side(*each)) for each in zip(LIMBS, hands, strict=True))
+            self._require_together(hands, motion, label)
+            left, right = (
+                list(self._of_side(side, hand, (begin_s, end_s)))
+                for side, hand in zip(LIMBS, hands, strict=True)
+            )
             moving, standing = list[Pair](), list[Pair]()
             for second, first in product(left, right):
                 kind, end = (
@@ -160,6 +216,8 @@ class BothArms:
         cuts = [0.0, self.duration_s]
         for clock in self._clocks.values():
             cuts += clock.cuts_s
+        for each in self._exchanges.values():
+            cuts += [each.arrives_s, min(each.leaves_s, self.duration_s)]
         for begin_s, end_s in pairwise(sorted(cuts)):
             if end_s - begin_s > SAME_TIME_S:
                 yield begin_s, end_s
@@ -169,21 +227,117 @@ class BothArms:
         left, right = (
             [
                 self._placed(side, name, self._timelines[side].situations[0].at[name], 0, 0.0)
-                for name in self._names(side)
+                for name in self._names(side, (0.0, 0.0))
             ]
             for side in LIMBS
         )
         for second, first in product(left, right):
             yield Pair(first, second, 0.0, 0.0, 1.0)
 
-    def _names(self, side: str) -> list[str]:
-        """The bodies that an arm handles, which are not in the other arm's world."""
+    def _names(self, side: str, window_s: tuple[float, float]) -> list[str]:
+        """The bodies that belong to an arm in a window: it handles them, the other one does not."""
         theirs = self._timelines[OTHER_LIMB[side]].bodies.scene
-        return [name for name in self._timelines[side].bodies.scene if name not in theirs]
+        return [
+            name
+            for name in self._timelines[side].bodies.scene
+            if name not in theirs
+            or (name in self._exchanges and self._exchanges[name].is_of(side, *window_s))
+        ]
+
+    def _handed_over(self) -> Iterator[_Exchange]:
+        """The bodies that are handed over, at times at which both hands hold them."""
+        for giver, receiver in (LIMBS, LIMBS[::-1]):
+            gives, takes = self._clocks[giver], self._clocks[receiver]
+            for release in gives.releases:
+                taken = [grip for grip in takes.grips if grip.body is not None]
+                is_first = bool(taken) and taken[0].closes and taken[0].body == release.body
+                require(is_first, f"the {receiver} hand does not take {release.body} at first")
+                closed, name = taken[0], str(release.body)
+                label = f"handover of {name}"
+                arrives_s = gives.rests_before(release.number)
+                leaves_s = takes.goes_on_after(closed.number)
+                in_order = (
+                    arrives_s <= closed.begin_s + SAME_TIME_S,
+                    closed.end_s <= release.begin_s + SAME_TIME_S,
+                    release.end_s <= leaves_s + SAME_TIME_S,
+                )
+                require(in_order, f"{label}: the hands act in another order")
+                brought = self._timelines[giver].situations[release.number + 1].at[name]
+                there = self._timelines[receiver].situations[closed.number].at[name]
+                now = self._timelines[receiver].situations[closed.number + 1]
+                if now.held is None:
+                    raise NotCertifiedError(f"{label}: the {receiver} hand does not hold it")
+                held = self._timelines[receiver].bodies.joint_pose(now.arm[0]) * now.held[1]
+                for T in (there, held):
+                    off_m = float(norm_bound((T.p - brought.p).magnitude))
+                    turned = float(norm_bound((T.R - brought.R).magnitude.reshape(9)))
+                    is_one = max(off_m, turned) <= HANDED_M
+                    require(is_one, f"{label}: the hands hold it {1e3 * off_m:.4f} mm apart")
+                    self._note((off_m, turned), label)
+                yield _Exchange(name, giver, arrives_s, leaves_s)
+
+    # A body in both hands
+
+    def _require_together(self, hands: Sequence[_Hand], motion: Polynomials, label: str) -> None:
+        """Refuse a body of both arms' worlds that one hand alone handles, or that they tear."""
+        held = {
+            now.held[0]
+            for timeline in self._timelines.values()
+            for now in timeline.situations
+            if now.held is not None
+        }
+        scenes = [self._timelines[side].bodies.scene for side in LIMBS]
+        for name in sorted(held.intersection(*scenes).difference(self._exchanges)):
+            holds = [
+                [now.held is not None and now.held[0] == name for now in (hand.before, hand.after)]
+                for hand in hands
+            ]
+            require(holds[0] == holds[1], f"{label}: one hand alone holds {name}")
+            if all(holds[0]):
+                self._require_one_pose(name, hands, motion, label)
+            elif any(holds[0]):
+                self._require_one_place(name, hands, label)
+
+    def _require_one_pose(
+        self, name: str, hands: Sequence[_Hand], motion: Polynomials, label: str
+    ) -> None:
+        """Refuse hands that leave their poses in a body that both hold."""
+        left, right = (hand.before.held[1] for hand in hands if hand.before.held is not None)
+        T_left_tip = left * right.inverse() * self.robot.tip
+        off = relative_deviation(self.robot, motion, T_left_tip, label)
+        self._note(off, f"{label}, {name}")
+
+    def _note(self, off: tuple[float, float], where: str) -> None:
+        """Keep the greatest deviation of the hands from their poses in a body, m and rad."""
+        for what, value in zip(("distance", "turn"), off, strict=True):
+            key = f"{what} of hands in one body"
+            if value > self.worst.get(key, (-np.inf, ""))[0]:
+                self.worst[key] = value, where
+
+    def _require_one_place(self, name: str, hands: Sequence[_Hand], label: str) -> None:
+        """Refuse hands that push a body on which both close, or put it down at two places."""
+        placed = []
+        for side, hand in zip(LIMBS, hands, strict=True):
+            ends = [self._seen_from_base(side, name, now) for now in (hand.before, hand.after)]
+            placed.append(ends[1])
+            if hand.after.held is not None:
+                pushed_m = float(norm_bound((ends[1].p - ends[0].p).magnitude))
+                is_still = pushed_m <= TOUCH_M
+                require(is_still, f"{label}: the {side} hand pushes {name}, which both close on")
+        off_m = float(norm_bound((placed[1].p - placed[0].p).magnitude))
+        turned = float(norm_bound((placed[1].R - placed[0].R).magnitude.reshape(9)))
+        is_one = off_m <= TOGETHER_M and turned <= TOGETHER_RAD
+        require(is_one, f"{label}: the hands have {name} at two places, {1e3 * off_m:.4f} mm apart")
+
+    def _seen_from_base(self, side: str, name: str, now: Situation) -> Pose:
+        """The pose of a body that an arm handles."""
+        if now.held is not None and now.held[0] == name:
+            return self._timelines[side].bodies.joint_pose(now.arm[0]) * now.held[1]
+        return now.at[name]
 
     # What moves, and with what
 
-    def _of_side(self, side: str, hand: _Hand) -> Iterator[Mover]:
+    def _of_side(self, side: str, hand: _Hand, window_s: tuple[float, float]) -> Iterator[Mover]:
         timeline = self._timelines[side]
         for level in range(1, ARM_JOINTS + 1):
             root = self._link(side, level)
@@ -193,7 +347,7 @@ class BothArms:
         ways = hand.before.opening_m, hand.after.opening_m
         for finger in timeline.robot.fingers:
             yield Mover(finger, self._finger(side, finger, ways), _level(side, ARM_JOINTS))
-        for name in self._names(side):
+        for name in self._names(side, window_s):
             yield self._handled(side, name, hand)
 
     def _handled(self, side: str, name: str, hand: _Hand) -> Mover:
@@ -201,13 +355,7 @@ class BothArms:
         before, after = hand.before, hand.after
         if before is after and before.held is not None and before.held[0] == name:
             return self._placed(side, name, before.held[1], ARM_JOINTS, 0.0)
-        bodies = self._timelines[side].bodies
-        ends = []
-        for now in (before, after):
-            if now.held is not None and now.held[0] == name:
-                ends.append(bodies.joint_pose(now.arm[0]) * now.held[1])
-            else:
-                ends.append(now.at[name])
+        ends = [self._seen_from_base(side, name, now) for now in (before, after)]
         moved_m = 0.0
         if before is not after:
             turned = float(norm_bound((ends[1].R - ends[0].R).magnitude.reshape(9)))
@@ -286,10 +434,30 @@ class BothArms:
         return Polynomials(times_s, derivatives, _label(begin_s, end_s), derivatives[:, :3])
 
 
+class _Grip(NamedTuple):
+    """A gripper action on the clock.
+
+    Attributes:
+        begin_s: when it begins.
+        end_s: when it ends.
+        number: of the step.
+        body: that it takes or releases, or None.
+        closes: whether the hand closes.
+    """
+
+    begin_s: float
+    end_s: float
+    number: int
+    body: str | None
+    closes: bool
+
+
 class _Clock:
     """One arm's steps on the clock.
 
     Attributes:
+        grips: gripper actions, in order.
+        releases: those of them that hand a body over.
         knots_s: all times at which the motion goes on by another polynomial.
         cuts_s: when its hand begins and ends to act.
         end_s: when its last step ends.
@@ -305,7 +473,8 @@ class _Clock:
         require(is_cubic, f"the {limb} arm has a motion that is not cubic")
         self._timeline = timeline
         self._moves: list[tuple[float, Polynomials]] = []
-        self._grips: list[tuple[float, float, int]] = []
+        self.grips: list[_Grip] = []
+        self._spans: list[tuple[float, float]] = []
         now_s, knots = 0.0, [np.zeros(1)]
         for number, stated_s in enumerate(begins_s.tolist()):
             require(
@@ -319,25 +488,39 @@ class _Clock:
             motion = timeline.motions.get(number)
             if motion is None:
                 now_s = begin_s + grip_s
-                self._grips.append((begin_s, now_s, number))
+                step = timeline.plan_steps[number]
+                closes = step["action"] == "CLOSE"
+                self.grips.append(_Grip(begin_s, now_s, number, step["body"], closes))
             else:
                 self._moves.append((begin_s, motion))
                 knots.append(begin_s + motion.t)
                 now_s = begin_s + motion.duration_s
+            self._spans.append((begin_s, now_s))
         require(now_s <= MAX_CLOCK_S, f"the steps of the {limb} arm take too long")
         self.end_s = now_s
         self.knots_s: Array = np.concatenate(knots)
-        self.cuts_s = [at for begin_s, end_s, _ in self._grips for at in (begin_s, end_s)]
+        self.cuts_s = [at for grip in self.grips for at in (grip.begin_s, grip.end_s)]
+        self.releases = [
+            grip for grip in self.grips if timeline.plan_steps[grip.number].get("receiver")
+        ]
 
     def hand(self, at_s: float) -> _Hand:
         """What the hand does at a time that is no cut."""
         situations = self._timeline.situations
-        for begin_s, end_s, number in self._grips:
-            if begin_s < at_s < end_s:
-                return _Hand(situations[number], situations[number + 1])
-        last = max((n for _, end_s, n in self._grips if end_s <= at_s), default=-1)
+        for grip in self.grips:
+            if grip.begin_s < at_s < grip.end_s:
+                return _Hand(situations[grip.number], situations[grip.number + 1])
+        last = max((grip.number for grip in self.grips if grip.end_s <= at_s), default=-1)
         now = situations[last + 1]
         return _Hand(now, now)
+
+    def rests_before(self, number: int) -> float:
+        """When the step before another one ends."""
+        return self._spans[number - 1][1] if number > 0 else 0.0
+
+    def goes_on_after(self, number: int) -> float:
+        """When the step after another one begins; infinite after the last one."""
+        return self._spans[number + 1][0] if number + 1 < len(self._spans) else np.inf
 
     def derivatives(self, starts_s: Array, middles_s: Array) -> Array:
         """Derivatives at the starts of cells that cross no knot, shape (n, 4, 7).

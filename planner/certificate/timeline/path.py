@@ -23,7 +23,7 @@ from planner.certificate.intervals import (
 from planner.certificate.motion import Polynomials, carried
 from planner.certificate.robot import Robot
 from planner.certificate.timeline.bodies import STATE_TOLERANCE
-from planner.certificate.timeline.tip import CELLS, chord_errors
+from planner.certificate.timeline.tip import CELLS, MAX_BEND, chord_errors
 
 MIN_LINE_M = 1e-6
 """On a shorter line the rotation of the hand determines the share of the way."""
@@ -31,9 +31,6 @@ MIN_LINE_M = 1e-6
 MAX_GAP = 1e-6
 """Maximum distance between the end of a piece of a path and the start of the next, m, and between
 entries of their rotations."""
-
-MAX_BEND = 0.1
-"""Maximum share of a tolerance by which the tip is off its chords in cells that are tried."""
 
 SHARE_STEPS = 8
 """Number of Gauss-Newton steps to the share of a piece that is nearest to a pose."""

@@ -66,6 +66,7 @@ class Timeline:
     Attributes:
         robot: the robot.
         bodies: its links and the bodies of the scene.
+        plan_steps: the steps of the plan, as its file has them.
         steps: what rows must prove, in the order of the certificate.
         numbers: which step of the plan each belongs to, None for what stands still.
         situations: where everything is before each step, and at the end.
@@ -106,13 +107,13 @@ class Timeline:
         self.worst: dict[str, tuple[float, str]] = {}
         self.assumed: list[str] = []
         self.not_judged: list[str] = []
-        self._plan, self._witnesses = plan, witnesses
+        self._plan, self._witnesses, self._is_alone = plan, witnesses, is_alone
         self._limits = limits or Limits()
         require(plan["failure"] is None, "the plan says itself that it failed")
-        self._plan_steps = plan["steps"]
-        self._is_motion = any(step["type"] == MOTION for step in self._plan_steps)
-        require(len(self._plan_steps) <= MAX_STEPS, f"the plan has more than {MAX_STEPS} steps")
-        require(len(witnesses) == len(self._plan_steps), "the certificate is of other steps")
+        self.plan_steps = plan["steps"]
+        self._is_motion = any(step["type"] == MOTION for step in self.plan_steps)
+        require(len(self.plan_steps) <= MAX_STEPS, f"the plan has more than {MAX_STEPS} steps")
+        require(len(witnesses) == len(self.plan_steps), "the certificate is of other steps")
         start = plan["start"]
         joints = {str(name): float(value) for name, value in start["joints"].items()}
         require(np.isfinite(list(joints.values())), "a joint is not finite")
@@ -124,7 +125,7 @@ class Timeline:
         self.situations = [now]
         stated = StatedStates(start, states, self.bodies)
         self.numbers += [None] * len(self.steps)
-        for number, step in enumerate(self._plan_steps):
+        for number, step in enumerate(self.plan_steps):
             stated.compare(number, now)
             now = self._followed(number, step, now)
             self.situations.append(now)
@@ -300,33 +301,42 @@ class Timeline:
 
     def _grip_after(self, number: int) -> Mapping[str, Any] | None:
         """The step after another, where that is a gripper action."""
-        if number + 1 == len(self._plan_steps):
+        if number + 1 == len(self.plan_steps):
             return None
-        following: Mapping[str, Any] = self._plan_steps[number + 1]
+        following: Mapping[str, Any] = self.plan_steps[number + 1]
         return following if following["type"] == "Grip" else None
 
     def _require_tip(self, step: Mapping[str, Any], motion: Polynomials) -> None:
         label = step["label"]
         tip.require_goal(self.robot, motion, step["T_base_tip"], label)
         if step["is_straight"] and motion.duration_s > 0.0:
-            tolerance = self._plan["line_tolerance"]
-            off_m, turn = path.line_deviation(self.robot, motion, tolerance, label)
-            self._note("distance from line", label, off_m)
-            self._note("turn from line", label, turn)
+            self._note_line(self.robot, motion, label)
         if step.get("path") is not None:
             off_m, turn = path.path_deviation(self.robot, motion, step["path"], label)
             self._note("distance from path", label, off_m)
             self._note("turn from path", label, turn)
 
+    def _note_line(self, robot: Robot, motion: Polynomials, label: str) -> None:
+        """Refuse a tip, or a body as a tip, that leaves its straight line."""
+        off_m, turn = path.line_deviation(robot, motion, self._plan["line_tolerance"], label)
+        self._note("distance from line", label, off_m)
+        self._note("turn from line", label, turn)
+
     def _require_claim(
         self, claim: Mapping[str, Any], motion: Polynomials, now: Situation, label: str
     ) -> None:
-        require(claim["kind"] == "upright", f"{label}: a claim that is not known")
+        kind, values = claim["kind"], claim["values"]
+        require(kind in ("upright", "straight"), f"{label}: a claim that is not known")
         if now.held is None:
-            raise NotCertifiedError(f"{label}: what stays upright is not in the hand")
+            raise NotCertifiedError(f"{label}: what stays {kind} is not in the hand")
         _, T_joint_body = now.held
-        tilt = tip.require_upright(self.robot, motion, T_joint_body, claim["values"], label)
-        self._note("tilt of held body", label, tilt)
+        if kind == "upright":
+            tilt = tip.require_upright(self.robot, motion, T_joint_body, values, label)
+            self._note("tilt of held body", label, tilt)
+            return
+        require(not values, f"{label}: a straight line of a body is stated in another way")
+        if motion.duration_s > 0.0:
+            self._note_line(self.robot.with_tip(T_joint_body), motion, label)
 
     def _require_windows(
         self,
@@ -412,9 +422,12 @@ class Timeline:
         held, T_joint_body = now.held
         require(now.asked, f"{label}: no pose of the tip was asked for")
         self._travel(label, now, (now.opening_m, end_m), (held, T_joint_body, 0.0, 0.0), witness)
-        T = self.bodies.joint_pose(now.arm[0]) * T_joint_body
-        fall_m = contact.fall_m(self.bodies, label, held, T, now)
-        self._note("drop at release", f"{label}, {held}", fall_m)
+        T, fall_m = self.bodies.joint_pose(now.arm[0]) * T_joint_body, 0.0
+        if step.get("receiver"):
+            require(self._is_alone, f"{label}: a plan of one arm hands nothing over")
+        else:
+            fall_m = contact.fall_m(self.bodies, label, held, T, now)
+            self._note("drop at release", f"{label}, {held}", fall_m)
         landed = Pose(T.R, T.p - np.array([0.0, 0.0, fall_m]))
         apart = list(pairs.standing_pairs(self.bodies, self.bodies.mover(held, landed, 0)))
         self.steps.append(Step(f"{label}: {held} stands", apart, None, now.arm[0]))

@@ -1,9 +1,12 @@
-"""The tip of the arm ends where it was asked to, and keeps a held body upright."""
+"""The tip of the arm ends where it was asked to, and keeps a held body upright.
+
+The tips of two arms that hold one body keep their pose to each other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,7 +20,7 @@ from planner.certificate.intervals import (
     product,
 )
 from planner.certificate.motion import Polynomials, carried
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import Robot
 
 TIP_TOLERANCE = 1e-6
 """Maximum distance of a tip from its goal, m, and of entries of its rotation matrix."""
@@ -28,8 +31,33 @@ UNIT_TOLERANCE = 1e-12
 MAX_ROUNDING_RAD = 1e-7
 """Upper bound on the error of an arccosine in doubles."""
 
+TOGETHER_M, TOGETHER_RAD = 1e-4, np.radians(0.02)
+"""Maximum deviation of a hand, seen from the other one, from its pose in a body that both hold."""
+
+CLOCK_ROUNDING = 1e-7
+"""Upper bound on what rounding of two motions on a common clock adds to this deviation, m and in
+the norm of rotations."""
+
+MAX_BEND = 0.1
+"""Maximum share of a tolerance by which a tip is off its chords in cells that are tried."""
+
 CELLS = tuple(2**power for power in range(4, 15))
 """Numbers of cells into which a motion is cut, from coarse to fine."""
+
+
+class Chain(Protocol):
+    """A serial chain of joints with a tip, such as an arm, or from one hand to the other."""
+
+    @property
+    def offsets(self) -> Array:
+        """Upper bounds on the lengths between its joints, shape (n,), m."""
+
+    @property
+    def tip(self) -> Pose:
+        """Pose of the tip seen from the last joint."""
+
+    def tips(self, q: Interval) -> Pose:
+        """Poses of the tip seen from its base, for configurations of shape (k, n), rad."""
 
 
 def require_goal(
@@ -80,7 +108,53 @@ def require_upright(
     return tilt
 
 
-def chord_errors(robot: Robot, motion: Polynomials, times_s: Array) -> tuple[float, float]:
+def relative_deviation(
+    chain: Chain, motion: Polynomials, T: Pose, label: str
+) -> tuple[float, float]:
+    """How far the right tip is at most from a pose seen from the left hand, m and rad.
+
+    As lengths are convex, it is no farther, at any instant of a cell, than at either end, plus by
+    what it is off its chord. The difference of two rotations whose angle is x has the Frobenius
+    norm sqrt(8) sin(x / 2).
+
+    Args:
+        chain: from the left hand to the right tip.
+        motion: of its joints.
+        T: the pose of the right tip, seen from the last joint of the left arm.
+        label: of the time, in messages.
+
+    Raises:
+        NotCertifiedError: when it is farther than two hands may be that hold one body.
+    """
+    for count in CELLS if motion.duration_s > 0.0 else (1,):
+        times_s = np.linspace(0.0, motion.duration_s, count + 1)
+        bend_m, bend = chord_errors(chain, motion, times_s) if count > 1 else (0.0, 0.0)
+        is_coarse = bend_m > MAX_BEND * TOGETHER_M or bend > MAX_BEND * TOGETHER_RAD
+        if is_coarse and count < CELLS[-1]:
+            continue
+        seen = chain.tips(motion.at(times_s))
+        away_m = float(norm_bound((seen.p - T.p).magnitude).max()) + CLOCK_ROUNDING
+        away = float(norm_bound((seen.R - T.R).magnitude.reshape(-1, 9)).max()) + CLOCK_ROUNDING
+        off_m, turned = away_m + bend_m, _angle(away + bend)
+        if (off_m <= TOGETHER_M and turned <= TOGETHER_RAD) or (
+            away_m > TOGETHER_M or _angle(away) > TOGETHER_RAD
+        ):
+            break  # otherwise smaller cells may show it
+    require(
+        off_m <= TOGETHER_M and turned <= TOGETHER_RAD,
+        f"{label}: the hands that hold one body leave their pose in it by up to "
+        f"{1e3 * off_m:.4f} mm and {np.degrees(turned):.4f} deg; allowed are "
+        f"{1e3 * TOGETHER_M:g} mm and {np.degrees(TOGETHER_RAD):.4f} deg",
+    )
+    return off_m, turned
+
+
+def _angle(norm: float) -> float:
+    """Upper bound on the angle of a rotation from another one, by the norm of their difference."""
+    return 2.0 * float(np.arcsin(min(1.0, norm / np.sqrt(8.0)))) * (1.0 + 1e-9)
+
+
+def chord_errors(chain: Chain, motion: Polynomials, times_s: Array) -> tuple[float, float]:
     """Maximum distance of the tip from the chords of cells between successive times.
 
     Returns:
@@ -89,9 +163,9 @@ def chord_errors(robot: Robot, motion: Polynomials, times_s: Array) -> tuple[flo
     starts, ends = times_s[:-1], times_s[1:]
     v, a, _ = motion.peaks(starts, ends)  # plans have no kinks
     eighth = (ends - starts) ** 2 / 8.0 * (1.0 + 1e-9)
-    lever = np.full(len(starts), float(norm_bound(robot.tip.p.magnitude)))
-    _, of_tip = carried(v, a, lever, robot.offsets)
-    _, of_unit = carried(v, a, np.ones(len(starts)), np.zeros(ARM_JOINTS))
-    slack = motion.slack_in_cells_m(float(robot.offsets.sum()) + 1.0, starts, ends)
+    lever = np.full(len(starts), float(norm_bound(chain.tip.p.magnitude)))
+    _, of_tip = carried(v, a, lever, chain.offsets)
+    _, of_unit = carried(v, a, np.ones(len(starts)), np.zeros(len(chain.offsets)))
+    slack = motion.slack_in_cells_m(float(chain.offsets.sum()) + 1.0, starts, ends)
     bend_m = float((of_tip * eighth).max()) + slack
     return bend_m, 1.7321 * (float((of_unit * eighth).max()) + slack)

@@ -239,15 +239,23 @@ class RobotShapes(OneLine):
 
     def part_at_tip(self, index: int, arm: Arm) -> Part:
         """A convex shape of the hand, seen from the tip with the fingers closed."""
-        T_tip_shape = self._T_tip_shape(index, arm)
+        T_tip_shape = self.T_tip_shape(index, arm)
         return Part(_scene_shape(self.made[index]), T_tip_shape)
+
+    def T_tip_shape(self, index: int, arm: Arm) -> pin.SE3:
+        """Pose of a shape of the hand seen from the tip, with the fingers closed."""
+        shape = self._shape(index)
+        model, data = self.robot.model, self.robot.model.createData()
+        pin.framesForwardKinematics(model, data, np.zeros(model.nq))
+        T_base_tip = data.oMf[model.getFrameId(_checked(arm).tip_frame)]
+        return T_base_tip.inverse() * data.oMi[shape.parentJoint] * shape.placement
 
     def highest_at_tip_m(self, index: int, arm: Arm) -> float:
         """Extent along z of the tip of the box around a shape of the hand."""
         geometry = self._shape(index).geometry
         geometry.computeLocalAABB()
         middle = (geometry.aabb_local.max_ + geometry.aabb_local.min_) / 2
-        T_tip_shape = self._T_tip_shape(index, arm)
+        T_tip_shape = self.T_tip_shape(index, arm)
         reach = np.abs(T_tip_shape.rotation[2]) @ (geometry.aabb_local.max_ - middle)
         return float(T_tip_shape.act(middle)[2] + reach)
 
@@ -270,13 +278,6 @@ class RobotShapes(OneLine):
         most = self.model.ngeoms - 1
         number = whole_scalar(index, "index of a shape", SceneError, least=0, most=most)
         return self.model.geometryObjects[number]
-
-    def _T_tip_shape(self, index: int, arm: Arm) -> pin.SE3:
-        shape = self._shape(index)
-        model, data = self.robot.model, self.robot.model.createData()
-        pin.framesForwardKinematics(model, data, np.zeros(model.nq))
-        T_base_tip = data.oMf[model.getFrameId(_checked(arm).tip_frame)]
-        return T_base_tip.inverse() * data.oMi[shape.parentJoint] * shape.placement
 
     @cached_property
     def _below(self) -> Mapping[str, frozenset[int]]:

@@ -108,7 +108,7 @@ def path_rows(
 
 def _continues(phases: Sequence[Phase], k: int) -> bool:
     """Whether a phase begins where the tip is on its path already."""
-    return k == 0 or phases[k - 1].rests or phases[k - 1].piece is not None
+    return k == 0 or phases[k - 1].at_goal or phases[k - 1].piece is not None
 
 
 def _is_exact(phases: Sequence[Phase], k: int, i: int) -> bool:

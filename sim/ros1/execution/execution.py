@@ -138,8 +138,7 @@ class RosExecutor(NotCopied, OneLine):
     def prepare(self, plan: Plan | TwoArmPlan) -> Readiness[ReadyPlan] | Readiness[ReadyTwoArmPlan]:
         """Whether a plan may be executed on the robot as it stands; nothing is sent.
 
-        Both arms must stand at the start of a plan of both. It is refused with a response, as there
-        is no tracking proof of both arms.
+        A plan of both arms is refused with a response, as there is no tracking proof of both.
 
         Raises:
             SimulationError: when the plan is invalid.

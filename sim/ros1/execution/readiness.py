@@ -5,9 +5,11 @@ in the state that the robot reports: its own URDF, the other arm, the head and t
 they are. Where the arm does not stand at the start of the plan, a move to it is planned, proven and
 put before it. All conditions hold, or nothing is sent.
 
-A `TwoArmPlan` is checked with both arms where they are: they must stand at its start. It is proven
-again by `verify_both`, and the guard of each arm gets the clearances in a world without the other
-arm, as its own plan is proven there; what both arms keep from each other is the certificate's.
+A `TwoArmPlan` is checked with both arms where they are. Moves to its start are made one after the
+other, each past the other arm where that stands then, and become the first steps on its clock. It
+is proven again by `verify_both`, and the guard of each arm gets the clearances in a world without
+the other arm, as its own plan is proven there; what both arms keep from each other is the
+certificate's.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -31,6 +34,7 @@ from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner import (
     Grip,
     Manipulator,
+    Move,
     Plan,
     Response,
     TrackingProof,
@@ -205,7 +209,8 @@ class ReadyTwoArmPlan(OneLine):
     """A plan of both arms that may be executed now.
 
     Attributes:
-        plan: complete, from where the robot's other joints are.
+        plan: complete, from where the robot's joints are, with the moves to its start that are
+            needed.
         arms: "left" and "right": each arm's own plan, ready in a world without the other arm.
         apart_m: proven distance of both arms, with what they handle, at every instant of the clock.
         ramp_s: how long the clock takes to slow to rest.
@@ -232,6 +237,11 @@ class ReadyTwoArmPlan(OneLine):
         duration_s = self.plan.duration_s / self.options.pace.speed
         arms = "; ".join(self.arms[side].summary for side in LIMBS)
         return f"{seconds(duration_s)} on one clock, {clear(self.apart_m)} of each other; {arms}"
+
+    def guarded(self) -> Iterator[str]:
+        """As `ReadyPlan.guarded`, of each arm in a world without the other one."""
+        for side in LIMBS:
+            yield from (f"{side} arm, {text}" for text in self.arms[side].guarded())
 
     def _facts(self) -> tuple[str, ...]:
         return (self.summary,)
@@ -534,6 +544,40 @@ class _Check:
             "start", f"{joint} stands {beyond[worst]:.3f} rad outside its limits, {remedy}"
         )
 
+    def _off_start(self, arm: Arm, q_start: FloatArray) -> float:
+        """How far an arm stands from where it starts, rad."""
+        reading = self._link.joints.arm(arm.joint_names)
+        if reading is None:
+            raise _RefusedError("start", f"where the {arm.side} arm stands is not known")
+        self._check_limits(arm, reading.q)
+        return float(np.abs(reading.q - q_start).max())
+
+    def _start_move(
+        self, manipulator: Manipulator, state: State, q_start: FloatArray
+    ) -> Move | str:
+        """A slow move from where the arm stands in a state to where it starts, or why none."""
+        arm = manipulator.arm
+        if state.holding(arm.side) is not None:
+            return "and the hand is not empty"
+        _LOG.info("planning a move to the plan's start")
+        soft = manipulator.limits.scaled(min(1.0, SOFT_SPEED / self._options.pace.speed))
+        way = plan_start_move(
+            evolve(manipulator, limits=soft),
+            state.scene,
+            state.q(arm.joint_names),
+            q_start,
+            held=state.attachments,
+        )
+        if way.failure is not None:
+            return f"and no way there: {way.failure}"
+        return evolve(way.moves[0], label=START_MOVE_LABEL)
+
+    def _shown(self, move: Move) -> str:
+        """Duration and clearance of a move to a start."""
+        proven = "" if move.proof is None else f", {clear(move.proof.proven_m)}"
+        duration_s = move.trajectory.duration / self._options.pace.speed
+        return f"a move to it takes {seconds(duration_s)}{proven}"
+
     def _clearances(self, plan: Plan, manipulator: Manipulator) -> tuple[MoveClearance, ...]:
         """The clearances; those that leave the guard no room would stop the arm at once."""
         try:
@@ -591,36 +635,17 @@ class _PlanCheck(_Check):
     def _from_here(self, manipulator: Manipulator, state: State) -> Plan:
         """The plan from where the arm stands, with a move to its start first if one is needed."""
         plan, arm = self._plan, manipulator.arm
-        reading = self._link.joints.arm(arm.joint_names)
-        if reading is None:
-            raise _RefusedError("start", "where the arm stands is not known")
-        self._check_limits(arm, reading.q)
-        off = float(np.abs(reading.q - plan.q_start).max())
+        off = self._off_start(arm, plan.q_start)
         if off <= START_RAD:
             self._found("start", f"the arm stands {off:.4f} rad from it")
             here = evolve(state, joints={**state.joints, **arm.joints(plan.q_start)})
             return evolve(plan, start=here, robot=manipulator.identity)
-        if state.holding(plan.limb) is not None:
-            raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
-        _LOG.info("planning a move to the plan's start")
-        soft = manipulator.limits.scaled(min(1.0, SOFT_SPEED / self._options.pace.speed))
-        way = plan_start_move(
-            evolve(manipulator, limits=soft),
-            state.scene,
-            reading.q,
-            plan.q_start,
-            held=state.attachments,
-        )
-        if way.failure is not None:
-            raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")
-        move = evolve(way.moves[0], label=START_MOVE_LABEL)
-        proven = "" if move.proof is None else f", {clear(move.proof.proven_m)}"
-        duration_s = move.trajectory.duration / self._options.pace.speed
-        self._found(
-            "start", f"{off:.3f} rad away; a move to it takes {seconds(duration_s)}{proven}"
-        )
+        move = self._start_move(manipulator, state, plan.q_start)
+        if isinstance(move, str):
+            raise _RefusedError("start", f"{off:.3f} rad away, {move}")
+        self._found("start", f"{off:.3f} rad away; {self._shown(move)}")
         return Plan(
-            evolve(state, joints={**state.joints, **arm.joints(way.q_start)}),
+            evolve(state, joints={**state.joints, **arm.joints(move.trajectory.q_start)}),
             (move, *plan.steps),
             robot=manipulator.identity,
             line_tolerance=plan.line_tolerance,
@@ -672,35 +697,32 @@ class _TwoArmCheck(_Check):
 
     def ready(self) -> ReadyTwoArmPlan:
         """What would be sent."""
-        for side in LIMBS:
-            if not self._plan.plans[side].moves:
-                raise _RefusedError("plan", f"the {side} arm has no moves; plan for one arm")
-        ramp_s = self._ramp_s()
-        robot, state = self._robot_as_it_is(self._plan.start)
-        for side in LIMBS:
-            self._check_identity(robot, self._plan.plans[side])
-            self._check_start(robot.arm(side), self._plan.plans[side].q_start)
-        joints = dict(state.joints)
-        for side in LIMBS:
-            joints |= robot.arm(side).joints(self._plan.plans[side].q_start)
-        manipulators = {side: _alone(robot, side, joints) for side in LIMBS}
-        plans = {
-            side: self._completed(self._started(side, joints, manipulator), manipulator)
-            for side, manipulator in manipulators.items()
-        }
-        plan = evolve(self._plan, start=evolve(state, joints=joints), plans=plans)
-        apart_m = self._apart_m(plan, robot)
-        arms = {side: self._sent(plans[side], manipulators[side]) for side in LIMBS}
-        return ReadyTwoArmPlan(plan, arms, apart_m, ramp_s)
-
-    def _ramp_s(self) -> float:
-        """How long the clock takes to slow to rest, which a gripper action must leave time for."""
-        speed, grip_s = self._options.pace.speed, self._plan.grip_s
         if self._options.response is not None:
             raise _RefusedError(
                 "tracking", "there is no tracking proof of both arms; leave out the response"
             )
-        moves = [move for side in LIMBS for move in self._plan.plans[side].moves]
+        for side in LIMBS:
+            if not self._plan.plans[side].moves:
+                raise _RefusedError("plan", f"the {side} arm has no moves; plan for one arm")
+        robot, state = self._robot_as_it_is(self._plan.start)
+        for side in LIMBS:
+            self._check_identity(robot, self._plan.plans[side])
+        started = self._from_here(robot, state)
+        ramp_s = self._ramp_s(started)
+        joints = dict(started.start.joints)
+        manipulators = {side: _alone(robot, side, joints) for side in LIMBS}
+        plans = {
+            side: self._completed(own, manipulators[side]) for side, own in started.plans.items()
+        }
+        plan = evolve(started, plans=plans)
+        apart_m = self._apart_m(plan, robot)
+        arms = {side: self._sent(plans[side], manipulators[side]) for side in LIMBS}
+        return ReadyTwoArmPlan(plan, arms, apart_m, ramp_s)
+
+    def _ramp_s(self, plan: TwoArmPlan) -> float:
+        """How long the clock takes to slow to rest, which a gripper action must leave time for."""
+        speed, grip_s = self._options.pace.speed, plan.grip_s
+        moves = [move for side in LIMBS for move in plan.plans[side].moves]
         ramp_s = ramp_s_for([move.trajectory for move in moves], speed)
         if speed * (0.5 * ramp_s + RESERVE_S) >= grip_s:
             raise _RefusedError(
@@ -712,23 +734,74 @@ class _TwoArmCheck(_Check):
         self._found("clock", f"slows both arms to rest within {seconds(ramp_s)}")
         return ramp_s
 
-    def _check_start(self, arm: Arm, q_start: FloatArray) -> None:
-        reading = self._link.joints.arm(arm.joint_names)
-        off = np.inf if reading is None else float(np.abs(reading.q - q_start).max())
-        if off > START_RAD:
-            raise _RefusedError(
-                "start",
-                f"the {arm.side} arm stands {off:.3f} rad from it, and both arms are not moved "
-                "there by themselves; move each there first, by a plan of its own",
-            )
-        self._found("start", f"the {arm.side} arm stands {off:.4f} rad from it")
+    def _from_here(self, robot: Baxter, state: State) -> TwoArmPlan:
+        """The plan from where both arms stand, with moves to its start first if some are needed."""
+        plan, joints, far = self._plan, dict(state.joints), dict[str, float]()
+        for side in LIMBS:
+            arm, q_start = robot.arm(side), plan.plans[side].q_start
+            off = self._off_start(arm, q_start)
+            if off > START_RAD:
+                far[side] = off
+            else:
+                self._found("start", f"the {side} arm stands {off:.4f} rad from it")
+                joints |= arm.joints(q_start)
+        here = evolve(state, joints=joints)
+        moves = self._start_moves(robot, here, far)
+        added_s = 0.0
+        begins_s = {}
+        for side, move in moves.items():
+            begins_s[side] = added_s
+            added_s += move.trajectory.duration
+        proofs = [plan.proof, *(move.proof for move in moves.values())]
+        return evolve(
+            plan,
+            start=here,
+            plans={side: self._started(side, joints, moves.get(side), robot) for side in LIMBS},
+            begins_s={
+                side: (
+                    *([begins_s[side]] if side in moves else []),
+                    *(added_s + begin_s for begin_s in plan.begins_s[side]),
+                )
+                for side in LIMBS
+            },
+            proof=min(filter(None, proofs), key=lambda proof: proof.proven_m),
+        )
 
-    def _started(self, side: str, joints: Mapping[str, float], manipulator: Manipulator) -> Plan:
-        """An arm's own plan from where the robot's other joints are; states are not known yet."""
+    def _start_moves(self, robot: Baxter, here: State, far: Mapping[str, float]) -> dict[str, Move]:
+        """Moves to the start of arms that are far from it, in the order in which they are made.
+
+        While one arm moves, the other one stands. Where the first order is blocked, the other one
+        is tried.
+        """
+        reasons = []
+        for order in permutations(far):
+            moves, state = dict[str, Move](), here
+            for side in order:
+                q_start = self._plan.plans[side].q_start
+                q_others = robot.configuration(dict(state.joints))
+                manipulator = Manipulator.of(robot, side, q_others=q_others)
+                move = self._start_move(manipulator, state, q_start)
+                if isinstance(move, str):
+                    reasons.append(f"the {side} arm stands {far[side]:.3f} rad away, {move}")
+                    break
+                moves[side] = move
+                state = evolve(state, joints={**state.joints, **manipulator.arm.joints(q_start)})
+            else:
+                for side, move in moves.items():
+                    text = f"the {side} arm stands {far[side]:.3f} rad away; {self._shown(move)}"
+                    self._found("start", text)
+                return moves
+        raise _RefusedError("start", "; ".join(dict.fromkeys(reasons)))
+
+    def _started(
+        self, side: str, joints: Mapping[str, float], move: Move | None, robot: Baxter
+    ) -> Plan:
+        """An arm's own plan from where the robot's joints are; states are not known yet."""
         plan = self._plan.plans[side]
-        bare = (evolve(step, state=None, contacts=()) for step in plan)
+        steps = (*(() if move is None else (move,)), *plan.steps)
+        bare = tuple(evolve(step, state=None, contacts=()) for step in steps)
         start = evolve(plan.start, joints=joints)
-        return evolve(plan, start=start, steps=tuple(bare), robot=manipulator.identity)
+        return evolve(plan, start=start, steps=bare, robot=Manipulator.of(robot, side).identity)
 
     def _apart_m(self, plan: TwoArmPlan, robot: Baxter) -> float:
         """The proven distance of both arms, as the robot stands."""
@@ -740,6 +813,13 @@ class _TwoArmCheck(_Check):
         if not certificate.is_valid:
             raise _RefusedError("plan", certificate.verdict)
         self._found("plan", certificate.verdict)
+        if certificate.checks:
+            text = "both hands hold one body; no proof says how far arms that lag leave it"
+            if not self._link.is_simulated:
+                raise _RefusedError(
+                    "tracking", f"{text}; only a simulated Baxter carries out such a plan"
+                )
+            self._found("tracking", f"carried out despite this: {text}")
         if certificate.clearance_m <= KEPT_M:
             raise _RefusedError(
                 "clearance",

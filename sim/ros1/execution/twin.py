@@ -138,7 +138,8 @@ class Twin:
             timeline.notify(EventKind.OPENED, opening_text(side, percent), side)
         else:
             timeline.released(side, name)
-            timeline.settled(name, world.settle(name))
+            if not world.is_held(name):
+                timeline.settled(name, world.settle(name))
 
     def _run(self) -> None:
         while (task := self._tasks.get()) is not None:

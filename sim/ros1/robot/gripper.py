@@ -214,7 +214,7 @@ class Fingers:
         if fall is None:
             return
         fall.time_s += dt_s
-        if self._is_held(fall.name):
+        if self._world.is_held(fall.name):
             self._fall = None
         elif fall.time_s >= fall.rest.duration_s:
             self._world.put_to_rest(fall.name, fall.rest)
@@ -226,12 +226,9 @@ class Fingers:
     def _land(self) -> None:
         """Put a falling body to rest at once, wherever that is now."""
         fall, self._fall = self._fall, None
-        if fall is not None and not self._is_held(fall.name):
+        if fall is not None and not self._world.is_held(fall.name):
             rest = self._world.settle(fall.name)
             self._timeline.settled(fall.name, rest)
-
-    def _is_held(self, name: str) -> bool:
-        return any(held.body == name for held in self._world.held)
 
 
 @dataclass(frozen=True, slots=True)

@@ -233,7 +233,9 @@ def test_a_body_inside_a_link_is_found_where_nothing_touches(
     assert {result.nearest.first, result.nearest.second} & {"crumb"}
 
 
-@pytest.mark.parametrize("depth_m", [0.0, 1.2 * PRESSING_TOLERANCE_M])
+@pytest.mark.parametrize(
+    "depth_m", [0.0, pytest.param(1.2 * PRESSING_TOLERANCE_M, marks=pytest.mark.slow)]
+)
 def test_numpy_finds_the_same_without_a_compiler(
     carry: Carry, depth_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

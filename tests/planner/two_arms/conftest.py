@@ -5,8 +5,14 @@ from __future__ import annotations
 import pytest
 
 from baxter_kin import Baxter
-from planner import Manipulator, TwoArmPlan, plan_together
-from tests.planner.two_arms.pairs import SIDES, PairOfTasks, pair
+from planner import Manipulator, TwoArmPlan, plan_handover, plan_together
+from tests.planner.two_arms.pairs import (
+    SIDES,
+    HandoverCase,
+    PairOfTasks,
+    handover_of_stick,
+    pair,
+)
 
 
 @pytest.fixture(scope="session")
@@ -37,3 +43,14 @@ def plain_plan(plain: PairOfTasks) -> TwoArmPlan:
 def crossing_plan(crossing: PairOfTasks) -> TwoArmPlan:
     """It takes about ten seconds: each round is a motion program of both arms."""
     return plan_together(*crossing.arguments)
+
+
+@pytest.fixture(scope="session")
+def stick_handover(manipulators: dict[str, Manipulator]) -> HandoverCase:
+    """A stick that lies on the left side and is to stand on the right side."""
+    return handover_of_stick(manipulators)
+
+
+@pytest.fixture(scope="session")
+def handover_plan(stick_handover: HandoverCase) -> TwoArmPlan:
+    return plan_handover(*stick_handover)

@@ -16,6 +16,7 @@ from planner import (
     Body,
     Box,
     Grip,
+    Handover,
     Manipulator,
     Move,
     Part,
@@ -74,6 +75,29 @@ def pair(
     tasks = {side: carry(side, *spots) for side, spots in ends.items()}
     scene = Scene.of([load_object("table", at(1.0, 0.0, -0.93)), *bodies])
     return PairOfTasks(tasks, dict(manipulators), started(manipulators, scene))
+
+
+class HandoverCase(NamedTuple):
+    """The arguments of `plan_handover`."""
+
+    task: Handover
+    manipulators: dict[str, Manipulator]
+    state: State
+
+
+def handover_of_stick(
+    manipulators: Mapping[str, Manipulator], size_m: tuple[float, float, float] = (0.12, 0.04, 0.04)
+) -> HandoverCase:
+    """A stick that lies on the left side of a bench, and is to stand on the right side."""
+    bench = Body(
+        "bench", (Part(Box((0.9, 2.0, 0.06)), pin.SE3.Identity()),), at(0.95, 0.0, TABLE_Z_M - 0.03)
+    )
+    lies = pin.SE3(pin.utils.rotate("z", -1.6), np.array([0.65, 0.35, TABLE_Z_M + size_m[2] / 2]))
+    up = pin.utils.rotate("y", -np.pi / 2)
+    stands = pin.SE3(up, np.array([0.6, -0.65, TABLE_Z_M + size_m[0] / 2]))
+    stick = Body("stick", (Part(Box(size_m), pin.SE3.Identity()),), lies, is_movable=True)
+    state = started(manipulators, Scene.of([bench, stick]))
+    return HandoverCase(Handover("stick", stands), dict(manipulators), state)
 
 
 def started(manipulators: Mapping[str, Manipulator], scene: Scene) -> State:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +14,14 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
-from planner import Manipulator, PlanFailure, TwoArmPlan, load_two_arm_plan, save_two_arm_plan
+from planner import (
+    Manipulator,
+    PlanFailure,
+    TwoArmCertificate,
+    TwoArmPlan,
+    load_two_arm_plan,
+    save_two_arm_plan,
+)
 from planner.certificate.__main__ import main as check_file
 from planner.certificate.checking import Witness, check_both
 from planner.certificate.errors import NotCertifiedError
@@ -73,12 +81,13 @@ def test_arms_whose_ways_cross_must_keep_their_clock(crossing_plan: TwoArmPlan) 
 def test_a_file_has_what_the_checker_needs(
     robot: Baxter,
     plain_plan: TwoArmPlan,
+    document: Data,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     file, urdf = tmp_path / "both.json", tmp_path / "robot.urdf"
     urdf.write_text(robot.description.text)
-    save_two_arm_plan(plain_plan, file, certificate=certificate_of_both(plain_plan))
+    save_two_arm_plan(plain_plan, file, certificate=document["certificate"])
     assert check_file([str(file), "--urdf", str(urdf)]) == 0
     assert "both arms, 0.000 to" in capsys.readouterr().out
     read = load_two_arm_plan(file)
@@ -95,6 +104,26 @@ def test_files_of_other_plans_are_refused(plain_plan: TwoArmPlan, tmp_path: Path
     (tmp_path / "both.json").write_text(text.replace('"grip_s": 0.5', '"grip_s": 0.4'))
     with pytest.raises(PlanFileError, match="checksum"):
         load_two_arm_plan(tmp_path / "both.json")
+
+
+def test_a_certificate_of_both_is_of_its_plan_alone(plain_plan: TwoArmPlan) -> None:
+    certificate = verify_both(plain_plan)
+    assert certificate.is_of(plain_plan)
+    assert not certificate.is_of(evolve(plain_plan))
+    assert not pickle.loads(pickle.dumps(certificate)).is_of(plain_plan)
+    assert not TwoArmCertificate({}, 1.0).is_of(plain_plan)
+    with pytest.raises(TaskError):
+        certificate.is_of(plain_plan.plans["left"])  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_certificate_for_another_robot_is_of_no_plan(
+    robot: Baxter, plain_plan: TwoArmPlan
+) -> None:
+    faster = robot.description.text.replace('velocity="1.5"', 'velocity="1.6"')
+    certificate = verify_both(plain_plan, description=Baxter.load(faster).description)
+    assert certificate.is_valid
+    assert not certificate.is_of(plain_plan)
 
 
 def test_a_plan_that_failed_is_not_certified(plain_plan: TwoArmPlan) -> None:
@@ -243,7 +272,7 @@ EDITS: dict[str, tuple[Change, str | None]] = {
     "grips take longer": (stating(grip_s=0.7), "before the one before"),
     "another start of an arm": (turned("left_w0", 0.01), "does not begin where the arm is"),
     "both bodies at one place": (moved("left", "right"), None),
-    "a body of the other arm": (handled("right"), "both arms handle right"),
+    "a body of the other arm": (handled("right"), None),
     "a hand holds something": (held, "holds something at first"),
     "an arm stands still": (without_moves, "does not move"),
     "it failed": (stating(failure={"stage": "together", "reason": "none"}), "failed"),

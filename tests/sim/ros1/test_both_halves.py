@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,11 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Body, Plan, Response, TwoArmPlan
+from planner import Body, Plan, Response, TwoArmPlan, save_two_arm_plan
 from planner.pick_place.tracking import TrackingProof, prove_tracking
 from sim import Event, EventKind, Observer, Simulation, World
-from sim.ros1.execution import readiness, stops
+from sim.ros1 import execute as executing
+from sim.ros1.execution import readiness, set_points, stops
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink, command_topic
 from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, ReadyTwoArmPlan
@@ -78,8 +80,9 @@ def halves_at(
     master_uri: str,
     *,
     following: Following | None = None,
+    name: str = "/baxter_kin",
 ) -> Iterator[Halves]:
-    """A simulated Baxter among bodies, whose arms start somewhere."""
+    """A simulated Baxter among bodies, whose arms start somewhere, and a link by a node."""
     world, witness = World(robot), Witness()
     for body in bodies:
         world.spawn(body)
@@ -87,7 +90,7 @@ def halves_at(
         RosRobot(
             world, observers=[witness], following=following, q_start=start, master_uri=master_uri
         ),
-        Node("/baxter_kin", master_uri=master_uri, host="127.0.0.1") as node,
+        Node(name, master_uri=master_uri, host="127.0.0.1") as node,
         BaxterLink(node) as link,
     ):
         yield Halves(world, witness, link, master_uri)
@@ -205,6 +208,9 @@ PLACES = {"left": (0.75, 0.4), "right": (0.65, -0.4)}
 
 PLACED_M = 3e-3
 
+ELSEWHERE = np.array([0.0, -0.05, 0.0, 0.1, 0.0, -0.05, 0.0])
+"""How far arms stand from the start of a plan, rad."""
+
 
 def clocks_of(
     plan: TwoArmPlan, robot: Baxter, witness: Witness
@@ -273,6 +279,37 @@ def test_both_arms_carry_their_blocks_on_one_clock(
     skew_s = np.abs(left_s - right_s)[left_moves & right_moves]
     assert len(skew_s) > 20
     assert np.median(skew_s) < MAX_SKEW_S
+
+
+@pytest.fixture
+def plan_file(two_arm_plan: TwoArmPlan, tmp_path: Path) -> Path:  # noqa: F811
+    """The plan of both arms as a file."""
+    save_two_arm_plan(two_arm_plan, tmp_path / "both.json")
+    return tmp_path / "both.json"
+
+
+@pytest.mark.slow
+def test_the_command_carries_out_a_plan_file_of_both_arms_from_elsewhere(
+    robot: Baxter,
+    two_arm_plan: TwoArmPlan,  # noqa: F811
+    plan_file: Path,
+    own_master: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each arm goes to its start while the other one stands; slow, for a busy computer."""
+    monkeypatch.setattr(set_points, "RESERVE", 3.0)  # as a busy computer slows the robot down
+    monkeypatch.setenv("ROS_MASTER_URI", own_master)
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    start = {side: two_arm_plan.plans[side].q_start + ELSEWHERE for side in LIMBS}
+    bodies = two_arm_plan.start.scene
+    with halves_at(robot, bodies, start, own_master, name="/looker") as both:
+        assert executing.main([str(plan_file), "--lag-s", "0", "0.1"]) == 2
+        options = "--yes", "--speed", "0.2", "--dwell-s", "0.2"
+        assert executing.main([str(plan_file), *options]) == 0
+        assert_at_rest(both)
+        for side in LIMBS:
+            placed = both.world.body(side).T_base_body.translation[:2]
+            assert np.abs(placed - PLACES[side]).max() < PLACED_M
 
 
 @pytest.mark.slow

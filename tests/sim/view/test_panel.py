@@ -50,7 +50,6 @@ def arm(executed: Recording, robot: Baxter) -> dict[str, Any]:
 def test_the_tilt_of_what_is_kept_upright_is_shown_against_its_limit(robot: Baxter) -> None:
     bench = Workbench(robot)
     bench.add_block("red", 0.70, 0.25)
-    bench.add_obstacle("wall", 0.70, 0.08, size_m=(0.30, 0.02, 0.20))
     task = bench.carry("red", to=(0.70, -0.08), arm="left", upright_deg=3.0)
     assert task.is_done, task
     assert task.plan is not None

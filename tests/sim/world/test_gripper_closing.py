@@ -320,3 +320,25 @@ class TestMisses:
         assert closing.miss is not None
         assert str(closing.miss) == "the fingers touch b outside of their pads"
         assert closing.finger_m == pytest.approx((0.03 - 0.018) / 2, abs=CONTACT_M)
+
+
+@pytest.mark.parametrize("below_m", [0.0, 0.002])
+def test_a_plate_on_a_stand_is_grasped_from_above_and_below(
+    robot: Baxter, manipulator: Manipulator, below_m: float
+) -> None:
+    """A level hand; where it is too low, the upper finger would push the plate into its stand."""
+    world, z = World(robot), 0.055
+    world.spawn(make_block("stand", at(0.6, 0.0, 0.0), edge_m=(0.2, 0.2, 0.09), is_movable=False))
+    world.spawn(make_block("plate", at(0.6, 0.0, z), edge_m=(0.2, 0.5, 0.02)))
+    R = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    answer = manipulator.ik.solve(pin.SE3(R, np.array([0.6, 0.22, z - below_m])))
+    assert answer.is_valid
+    world.move_arm("left", answer.q)
+    closing = Gripper(world, "left").closing("plate")
+    if below_m == 0.0:
+        assert closing.grasp is not None, closing.miss
+        assert closing.grasp.width_m == pytest.approx(0.02, abs=2e-3)
+        assert all(push.distance_m < CONTACT_M for push in closing.pushes)
+    else:
+        assert closing.miss is not None
+        assert closing.miss.kind is MissKind.BLOCKED

@@ -76,7 +76,7 @@ def slanted(seed: int, count: int, side: str) -> Polyline:
     return Polyline(poses)
 
 
-@pytest.fixture(scope="module", params=["left", "right"])
+@pytest.fixture(scope="module", params=["left", pytest.param("right", marks=pytest.mark.slow)])
 def side(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

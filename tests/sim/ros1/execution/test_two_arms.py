@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,14 +13,15 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from planner import PlanFailure, Response, TwoArmPlan
+from planner import Manipulator, PlanFailure, Response, TwoArmPlan, plan_pair_carry
 from planner.motion.response import TICK_S
 from sim import EventKind
 from sim.errors import SimulationError
 from sim.ros1.execution.execution import MeasuredOutcome
-from sim.ros1.execution.readiness import ExecutionOptions, ReadyTwoArmPlan
+from sim.ros1.execution.readiness import START_MOVE_LABEL, ExecutionOptions, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
+from tests.planner.two_arms.pair_moves import carries
 from tests.sim.ros1.execution.conftest import FAST, Network, networked_at
 from tests.sim.runs import Witness
 
@@ -71,7 +73,7 @@ def assert_gentle(network: Network, both_ready: ReadyTwoArmPlan) -> None:
         assert (a.max(axis=0) <= (1.0 + GRID) * a_max).all()
 
 
-def test_both_arms_end_where_the_plan_says(
+def test_both_arms_are_at_one_time_on_the_clock_and_end_where_the_plan_says(
     both: Network, robot: Baxter, both_ready: ReadyTwoArmPlan
 ) -> None:
     witness = Witness()
@@ -91,13 +93,6 @@ def test_both_arms_end_where_the_plan_says(
     assert not [
         t for t in own if "joint_command" in t and "/baxter_kin" in both.node.publishers_of(t)
     ]
-
-
-def test_set_points_of_both_limbs_are_those_of_one_time_on_the_clock(
-    both: Network, both_ready: ReadyTwoArmPlan
-) -> None:
-    outcome = both.executor().execute(both_ready)
-    assert outcome.is_success, outcome.failure
     (left_s, left), (right_s, right) = (sent_to(both, side) for side in LIMBS)
     assert np.array_equal(left_s, right_s)
     whole = both_ready.plan.trajectory
@@ -114,26 +109,17 @@ def test_set_points_of_both_limbs_are_those_of_one_time_on_the_clock(
 def test_the_clock_waits_for_a_slow_gripper_and_keeps_accelerations_within_limits(
     both: Network, robot: Baxter, both_ready: ReadyTwoArmPlan
 ) -> None:
-    """Fingers that take five times as long as the plan assumes."""
+    """Fingers that take five times as long as the plan assumes; no step begins before they end."""
     both.robot.faults.finger_percent_s = 40.0
     both.robot.faults.block_percent = 30.0
-    outcome = both.executor().execute(both_ready)
+    witness = Witness()
+    outcome = both.executor(witness).execute(both_ready)
     assert outcome.is_success, outcome.failure
     assert outcome.duration_s > both_ready.plan.duration_s / FAST.pace.speed + 2.0
     assert_gentle(both, both_ready)
     for side in LIMBS:
         goal = both_ready.plan.plans[side].moves[-1].trajectory.q_goal
         assert np.abs(measured(both, robot, side) - goal).max() < 0.0087
-
-
-def test_no_step_begins_before_a_gripper_action_that_must_be_done_before(
-    both: Network, both_ready: ReadyTwoArmPlan
-) -> None:
-    both.robot.faults.finger_percent_s = 40.0
-    both.robot.faults.block_percent = 30.0
-    witness = Witness()
-    outcome = both.executor(witness).execute(both_ready)
-    assert outcome.is_success, outcome.failure
     order = [(each.side, each.kind) for each in witness.events]
     grasps = [order.index((side, EventKind.GRASPED)) for side in LIMBS]
     for side, at in zip(LIMBS, grasps, strict=True):
@@ -264,9 +250,9 @@ def test_arms_that_lag_alike_are_not_stopped(
     two_arm_plan: TwoArmPlan,
     both_ready: ReadyTwoArmPlan,
 ) -> None:
-    slow = evolve(FAST, pace=Pace(0.2))
+    slow = evolve(FAST, pace=Pace(0.4))
     arms = {side: evolve(arm, options=slow) for side, arm in both_ready.arms.items()}
-    with networked_at(robot, two_arm_plan, lag_s=0.15) as network:
+    with networked_at(robot, two_arm_plan, lag_s=0.075) as network:
         outcome = network.executor().execute(evolve(both_ready, arms=arms, apart_m=0.02))
     assert outcome.is_success, outcome.failure
     assert outcome.joint_deviation_rad > 0.02  # 15 mm of each tip from where it should be now
@@ -300,7 +286,7 @@ class Refusal:
 REFUSALS = [
     Refusal("speed", "lower speed", evolve(FAST, pace=Pace(1.0))),
     Refusal("tracking", "no tracking proof", evolve(FAST, response=Response((0.1, 0.2)))),
-    Refusal("start", "the right arm stands 0.100 rad from it", right_w0_off=0.1),
+    Refusal("start", "right_w0 stands", right_w0_off=6.0),
 ]
 
 
@@ -318,8 +304,70 @@ def test_what_cannot_be_executed_is_refused_and_nothing_is_sent(
     assert both.robot.commands == []
 
 
+def assert_starts_in_order(ready: ReadyTwoArmPlan, order: tuple[str, ...]) -> None:
+    """Arms move to the start one after the other, before anything else begins."""
+    steps = ready.plan.steps
+    first = steps[: len(order)]
+    assert [timed.side for timed in first] == list(order)
+    assert {timed.step.label for timed in first} == {START_MOVE_LABEL}
+    for before, after in pairwise(steps[: len(order) + 1]):
+        assert after.begin_s >= before.end_s - 1e-9
+
+
+def test_arms_that_stand_elsewhere_go_to_the_start_one_after_the_other(
+    both: Network, robot: Baxter, two_arm_plan: TwoArmPlan
+) -> None:
+    for name, off in (("left_w1", 0.3), ("right_s0", -0.2)):
+        both.robot.q[name] += off
+        both.robot.goal[name] += off
+    both.bus.clock.sleep(0.1)
+    found = both.executor().prepare(two_arm_plan)
+    ready = found.ready
+    assert ready is not None, found.failures
+    assert_starts_in_order(ready, LIMBS)
+    for side in LIMBS:
+        at = robot.arm(side).joint_names
+        assert [both.robot.q[name] for name in at] == pytest.approx(ready.plan.plans[side].q_start)
+    witness = Witness()
+    outcome = both.executor(witness).execute(ready)
+    assert outcome.is_success, outcome.failure
+    assert witness.kinds.count(EventKind.RELEASED) == 2
+    for side in LIMBS:
+        goal = two_arm_plan.plans[side].moves[-1].trajectory.q_goal
+        assert np.abs(measured(both, robot, side) - goal).max() < 0.0087
+
+
+def test_an_arm_in_the_way_of_the_other_goes_to_its_start_first(
+    both: Network, robot: Baxter, two_arm_plan: TwoArmPlan
+) -> None:
+    """The right hand is where the left one starts, so the left arm cannot go there first."""
+    left, right = robot.arm("left"), robot.arm("right")
+    there = left.T_base_tip(two_arm_plan.plans["left"].q_start)
+    in_the_way = Manipulator.of(robot, "right").ik.solve(there, seed=right.start)
+    assert in_the_way.q is not None
+    standing = left.joints(left.neutral) | right.joints(in_the_way.q)
+    both.robot.q |= standing
+    both.robot.goal |= standing
+    both.bus.clock.sleep(0.1)
+    found = both.executor().prepare(two_arm_plan)
+    assert found.ready is not None, found.failures
+    assert_starts_in_order(found.ready, ("right", "left"))
+
+
 def test_an_invalid_plan_is_refused(both: Network, two_arm_plan: TwoArmPlan) -> None:
     broken = evolve(two_arm_plan, failure=PlanFailure("together", "no solution"))
     with pytest.raises(SimulationError, match="cannot be executed: together: no solution"):
         both.executor().execute(broken)
     assert both.robot.commands == []
+
+
+def test_a_body_in_both_hands_is_refused_where_arms_lag(robot: Baxter) -> None:
+    manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
+    task, state = carries.bar(manipulators)
+    plan = plan_pair_carry(task, manipulators, state)
+    assert plan.is_valid, plan.failure
+    with networked_at(robot, plan) as network:
+        found = network.executor().prepare(plan)
+    assert found.ready is None
+    assert [each.name for each in found.failures] == ["tracking"]
+    assert "both hands hold one body" in str(found.failures[0])

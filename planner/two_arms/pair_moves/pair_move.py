@@ -3,8 +3,8 @@
 The program has the 14 joints of both arms, one duration, and as rows the pose of the right tip seen
 from the body, as the left hand carries it: within a tolerance at the knots, and exact at the end.
 The body goes any way from its pose to the goal, or along a straight line with an even turn. What
-the hands do between the knots is bounded afterwards (`planner.two_arms.relative_pose`); where that
-is more than allowed, the program is solved with twice as many knots.
+the hands do between the knots is bounded afterwards (`relative_pose`); where that is more than
+allowed, the program is solved with twice as many knots.
 
 The guess follows the body's straight line with both arms, by least-norm steps from the start. Where
 one arm cannot follow, or the motion is not clear, other guesses end in sampled solutions of the
@@ -54,7 +54,11 @@ from planner.scene.contact import PartContact
 from planner.splines import Sketch
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.two_arms.relative_pose import RelativeDeviation, relative_deviation, relative_poses
+from planner.two_arms.pair_moves.relative_pose import (
+    RelativeDeviation,
+    relative_deviation,
+    relative_poses,
+)
 
 INTERVALS, MAX_DOUBLINGS = 24, 2
 """Minimum number of intervals, and how often it is doubled where the hands leave their relative

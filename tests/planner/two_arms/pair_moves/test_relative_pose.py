@@ -12,7 +12,7 @@ from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 from planner import Trajectory, plan_joint_move
 from planner.collision.mover import Mover
-from planner.two_arms.relative_pose import CELLS, relative_deviation, relative_poses
+from planner.two_arms.pair_moves.relative_pose import CELLS, relative_deviation, relative_poses
 
 INSTANTS = 400
 

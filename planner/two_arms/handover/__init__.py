@@ -1,0 +1,1 @@
+"""Handovers: a body goes from one hand to the other in the air."""

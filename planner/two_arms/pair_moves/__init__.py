@@ -1,0 +1,1 @@
+"""Motions of a body that both hands hold, and whole tasks with it."""
