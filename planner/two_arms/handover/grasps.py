@@ -10,6 +10,7 @@ hands are far apart.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -191,10 +192,17 @@ def _hand_shapes(
     manipulator: Manipulator, T_body_tip: pin.SE3
 ) -> Iterator[tuple[coal.CollisionGeometry, coal.Transform3s]]:
     """The convex hulls of a hand with open fingers, and their poses seen from the body."""
-    shapes, arm = manipulator.shapes, manipulator.arm
+    for shape, T_tip_shape in _open_hand(manipulator):
+        yield shape, coal_pose(T_body_tip * T_tip_shape)
+
+
+@lru_cache(maxsize=8)
+def _open_hand(manipulator: Manipulator) -> tuple[tuple[coal.CollisionGeometry, pin.SE3], ...]:
+    """The convex hulls of a hand with open fingers, and their poses seen from the tip."""
+    shapes, arm, found = manipulator.shapes, manipulator.arm, []
     fingers: Sequence[Sequence[int]] = shapes.of_fingers(arm)
     for index in sorted(shapes.of_hand(arm) & shapes.wholes):
         sign = (index in fingers[0]) - (index in fingers[1])
         opening = pin.SE3(np.eye(3), np.array([0.0, sign * manipulator.hand.stroke_m, 0.0]))
-        T = T_body_tip * opening * shapes.T_tip_shape(index, arm)
-        yield shapes.hull(index), coal_pose(T)
+        found.append((shapes.hull(index), opening * shapes.T_tip_shape(index, arm)))
+    return tuple(found)
