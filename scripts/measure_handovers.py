@@ -12,8 +12,10 @@ Grasps and the place of the handover are chosen by the planner. Kinds of bodies 
 
 The giver is the left arm, then the right one. Printed are, for each handover and in the median, the
 CPU time of planning, the duration on the clock, and the distance that is proven to be kept between
-the arms. Each plan is certified (`verify_both`) and executed, and the body must end at its place.
-The exit status is 1 when a plan is not found, not certified, or not executed.
+the arms. Each plan is certified (`verify_both`) and executed, and the body must end at its place;
+and it is judged by the referee (`scripts/referee/both_arms.py`): Rethink's meshes every millisecond
+of the clock, and where each hand has the body. The exit status is 1 when a plan is not found, not
+certified, not executed, or contradicted by the referee.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from itertools import cycle, islice
 
 import numpy as np
 import pinocchio as pin
+from referee.both_arms import check_two_arm_plan
 
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
@@ -60,6 +63,9 @@ PICK_M, PLACE_M = ((0.6, 0.75), (0.25, 0.5)), ((0.5, 0.7), (0.55, 0.75))
 
 MAX_TURN_RAD = 0.3
 ENDED_M = 1e-6
+
+SHOWN = 3
+"""Maximum number of printed contradictions of a plan."""
 
 
 def tasks(
@@ -119,7 +125,7 @@ def main(arguments: list[str] | None = None) -> int:
     manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
     drawn = tasks(given.kinds, manipulators, np.random.default_rng(given.seed))
     found: list[tuple[float, float, float]] = []
-    certified = executed = 0
+    certified = executed = contradicted = 0
     for number, (kind, task, state) in enumerate(islice(drawn, given.count), 1):
         begin_s = time.process_time()
         plan = plan_handover(task, manipulators, state)
@@ -135,21 +141,25 @@ def main(arguments: list[str] | None = None) -> int:
             world.body(kind).T_base_body.translation - task.T_base_goal.translation
         )
         is_done = outcome.is_success and not outcome.hits and off_m <= ENDED_M
+        wrong = check_two_arm_plan(plan, apart_m=plan.proof.proven_m)
         certified, executed = certified + certificate.is_valid, executed + is_done
+        contradicted += bool(wrong)
         found.append((cpu_s, plan.duration_s, plan.proof.proven_m))
         print(
             f"{label}, {plan.duration_s:5.2f} s, {1e3 * plan.proof.proven_m:5.1f} mm apart, "
             f"{'certified' if certificate.is_valid else certificate.verdict}, "
-            f"{'executed' if is_done else outcome}",
+            f"{'executed' if is_done else outcome}"
+            + "".join(f"\n    CONTRADICTED: {each}" for each in wrong[:SHOWN]),
             flush=True,
         )
     if found:
         cpu_s, duration_s, apart_m = np.median(found, axis=0).tolist()
         print(
-            f"\n{len(found)} of {given.count} planned, {certified} certified, {executed} executed; "
+            f"\n{len(found)} of {given.count} planned, {certified} certified, {executed} executed, "
+            f"{contradicted} contradicted; "
             f"medians: {cpu_s:.2f} s of CPU, {duration_s:.2f} s, {1e3 * apart_m:.1f} mm apart"
         )
-    return int(min(len(found), certified, executed) < given.count)
+    return int(min(len(found), certified, executed) < given.count or contradicted > 0)
 
 
 if __name__ == "__main__":

@@ -10,14 +10,17 @@ and benchmark motion planning datasets", IEEE RA-L 7(2), 2022), in the form of `
 file: `start` and `goal` by names of joints, and `obstacles`, each with a name, type, dimensions,
 position and quaternion in base. Both hands have narrow fingers in slot 3, because stock fingers are
 inside the cans at most goals. `trays` moves random trays up, sideways and forward. `carries` lets
-both hands pick random bars up from the table, carry them, and put them down. What is certified is a
-bound of the checker (`planner.certificate`) at every instant. CPU times are of this process.
+both hands pick random bars up from the table, carry them, and put them down; the referee judges
+these plans (`scripts/referee/both_arms.py`), and the exit status is 1 when one is contradicted.
+What is certified is a bound of the checker (`planner.certificate`) at every instant. CPU times are
+of this process.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -27,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from referee.both_arms import check_two_arm_plan
 
 from baxter_kin import Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.description.hands import ElectricGripper
@@ -71,7 +75,7 @@ R_BAR_TIP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """A hand that takes a bar from above."""
 
 
-def main() -> None:
+def main() -> int:
     """Measure, print each result as a line of JSON, and a summary."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=["free", "trays", "carries"])
@@ -94,6 +98,7 @@ def main() -> None:
         if given.out:
             given.out.write_text(json.dumps(results))
     summarise(results)
+    return int(any(each.get("contradicted") for each in results))
 
 
 def summarise(results: list[Found]) -> None:
@@ -108,6 +113,9 @@ def summarise(results: list[Found]) -> None:
         print(
             f"duration / bound: median {np.median(ratios):.3f}, p75 {np.quantile(ratios, 0.75):.3f}"
         )
+    judged = [each["contradicted"] for each in results if "contradicted" in each]
+    if judged:
+        print(f"the referee contradicts {sum(map(bool, judged))} of {len(judged)} plans")
 
 
 def free_moves(problems: list[Found], given: argparse.Namespace) -> Iterator[Found]:
@@ -262,6 +270,8 @@ def carries(given: argparse.Namespace) -> Iterator[Found]:
         found |= {"is_executed": outcome.is_success, "hits": len(outcome.hits)}
         off = world.body("bar").T_base_body.translation - ends[1].translation
         found["off_mm"] = 1e3 * float(np.linalg.norm(off))
+        apart_m = 0.0 if plan.proof is None else plan.proof.proven_m
+        found["contradicted"] = [str(each) for each in check_two_arm_plan(plan, apart_m=apart_m)]
         yield found
 
 
@@ -325,4 +335,4 @@ def sampled_deviation(
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -410,11 +410,13 @@ class _Check:
         yield from self._fingers_move(grip.label, openings, thing, thing and thing.T)
         self._stage = stage.opened(goal)
         if thing is not None:
+            self._released = thing.name
+            if grip.receiver:  # the other hand holds it, as `referee.both_arms` judges
+                return
             drop_m = stage.drop_m(thing, MAX_FALL_M)
             if drop_m > MAX_DROP_M + CONTACT_M:
                 yield Finding("falls", grip.label, thing.name, amount=drop_m)
             self._stage = self._stage.with_thing(thing.raised(-drop_m))
-            self._released = thing.name
 
     def _fingers_move(
         self, label: str, openings: Array, thing: Thing | None, T_things: Array | None

@@ -130,7 +130,7 @@ def load_robot() -> Robot:
     for joint in joints:
         own = () if joint.is_fixed else (joint.name,)
         chains[joint.child] = chains[joint.parent].union(own)
-    solids = {name: tuple(_solids(link, share)) for name, link in links.items()}
+    solids = {name: tuple(_solids(name, link, share)) for name, link in links.items()}
     return Robot(joints, solids, chains)
 
 
@@ -185,8 +185,7 @@ def _ordered(joints: list[Joint]) -> tuple[Joint, ...]:
     return tuple(ordered)
 
 
-def _solids(link: ET.Element, share: Path) -> Iterator[Solid]:
-    name = str(link.get("name"))
+def _solids(name: str, link: ET.Element, share: Path) -> Iterator[Solid]:
     if name.startswith(NOT_THE_ROBOT) or name.endswith(REPEATED):
         return
     shown = link.findall("visual") or link.findall("collision")

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+handovers: Any = importlib.import_module("measure_handovers")
 motion: Any = importlib.import_module("measure_motion")
 ros1: Any = importlib.import_module("measure_ros1")
 together: Any = importlib.import_module("measure_together")
@@ -33,6 +34,13 @@ def test_both_arms_take_as_long_as_the_slower_one(capsys: pytest.CaptureFixture[
     said = capsys.readouterr().out
     assert "plain: 1 pairs, 1 at once, 0 in turn, 0 refused" in said
     assert "the referee contradicts 0 of 1 plans" in said
+
+
+@pytest.mark.slow
+def test_a_handover_is_certified_executed_and_judged(capsys: pytest.CaptureFixture[str]) -> None:
+    assert handovers.main(["--count", "1", "--kinds", "stick"]) == 0
+    said = capsys.readouterr().out
+    assert "1 of 1 planned, 1 certified, 1 executed, 0 contradicted" in said
 
 
 @pytest.mark.campaign

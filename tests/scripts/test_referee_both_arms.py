@@ -24,7 +24,9 @@ from planner import (
     Scene,
     State,
     TwoArmPlan,
+    plan_handover,
     plan_joint_move,
+    plan_pair_carry,
     plan_together,
 )
 from planner.clearance import Clearance, ContinuousProof
@@ -33,7 +35,8 @@ from planner.two_arms.pair import PairSearch
 from planner.two_arms.problem import Problem, Requirements
 from planner.two_arms.together import DEFAULT_GRIP_S
 from tests.conftest import at
-from tests.planner.two_arms.pairs import pair, started
+from tests.planner.two_arms.pair_moves import carries
+from tests.planner.two_arms.pairs import handover_of_stick, pair, started
 
 TURN_RAD = 0.25
 """Of the shoulder: then the forearms meet."""
@@ -157,13 +160,112 @@ def test_what_the_hands_hold_moves_with_them(
     assert check(turning(start, robot, TURN_RAD / 2.0, 2.0)) == []
 
 
-def test_bodies_that_both_arms_handle_are_refused(plan: TwoArmPlan) -> None:
-    both_arms = importlib.import_module("referee.both_arms")
+# A body that both arms handle
 
-    class Twice:
-        """The left arm's plan as that of both arms."""
 
-        start, plans = plan.start, dict.fromkeys(LIMBS, plan.plans["left"])
+@pytest.fixture(scope="module")
+def handover(manipulators: dict[str, Manipulator]) -> TwoArmPlan:
+    """From the left hand to the right one."""
+    return plan_handover(*handover_of_stick(manipulators))
 
-    with pytest.raises(ValueError, match="both arms handle left"):
-        both_arms.check_two_arm_plan(Twice())
+
+@pytest.fixture(scope="module")
+def carry(manipulators: dict[str, Manipulator]) -> TwoArmPlan:
+    """A bar in both hands."""
+    task, state = carries.bar(manipulators)
+    return plan_pair_carry(task, manipulators, state)
+
+
+def shifted(plan: TwoArmPlan, side: str, first: str, by_s: float, last: str = "") -> TwoArmPlan:
+    """An arm does what it does from one step on, up to another one, later than planned."""
+    labels = [step.label for step in plan.plans[side].steps]
+    begins, end = list(plan.begins_s[side]), labels.index(last) if last else len(labels)
+    for number in range(labels.index(first), end):
+        begins[number] += by_s
+    return evolve(plan, begins_s={**plan.begins_s, side: tuple(begins)})
+
+
+def kinds(plan: TwoArmPlan) -> set[str]:
+    return {each.kind for each in check(plan)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["handover", "carry"])
+def test_a_right_plan_of_one_body_is_not_contradicted_nor_is_its_proof(
+    request: pytest.FixtureRequest, name: str
+) -> None:
+    plan: TwoArmPlan = request.getfixturevalue(name)
+    assert plan.proof is not None
+    assert check(plan, apart_m=plan.proof.proven_m) == []
+
+
+@pytest.mark.slow
+def test_a_body_that_is_released_before_the_other_hand_holds_it_is_found(
+    handover: TwoArmPlan,
+) -> None:
+    for late in (
+        shifted(handover, "right", "pick: close", 0.005),
+        shifted(handover, "left", "place: open", -0.2),
+    ):
+        (found,) = check(late)
+        assert (found.kind, found.first) == ("is held by nothing", "stick")
+        assert found.amount > 0.05
+        assert found.time_s == pytest.approx(release_s(late), abs=1e-3)
+
+
+def release_s(plan: TwoArmPlan) -> float:
+    """When the giver's hand opens."""
+    return next(s.begin_s for s in plan.steps_of("left") if s.step.label == "place: open")
+
+
+@pytest.mark.slow
+def test_a_hand_that_moves_on_while_the_other_one_holds_the_body_is_found(
+    handover: TwoArmPlan,
+) -> None:
+    closed_s = next(s.end_s for s in handover.steps_of("right") if s.step.label == "pick: close")
+    leave_s = next(
+        s.begin_s for s in handover.steps_of("right") if s.step.label == "place: approach"
+    )
+    early = shifted(handover, "right", "place: approach", closed_s - leave_s)
+    found = next(each for each in check(early) if each.kind == "is held at two poses")
+    assert closed_s < found.time_s < release_s(handover) + handover.grip_s
+
+
+@pytest.mark.slow
+def test_a_hand_in_the_way_of_the_body_is_found(handover: TwoArmPlan) -> None:
+    """The right hand is where it takes the body before that comes."""
+    early = shifted(handover, "right", "pick: approach", -1.0, "pick: close")
+    found = check(early)
+    assert {each.kind for each in found} == {"touches"}
+    assert {each.first for each in found} == {"stick"}
+    assert {each.second[:2] for each in found} == {"r_"}
+
+
+@pytest.mark.slow
+def test_a_hand_that_takes_the_body_elsewhere_than_planned_is_found(handover: TwoArmPlan) -> None:
+    own = handover.plans["right"]
+    T = own.start.scene["stick"].T_base_body * at(0.0, 0.0, 1e-4)
+    start = evolve(own.start, scene=own.start.scene.moved("stick", T))
+    broken = evolve(handover, plans={**handover.plans, "right": evolve(own, start=start)})
+    assert kinds(broken) == {"is taken elsewhere than planned"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", ["pick: open", "place: approach"])
+def test_hands_that_carry_one_body_at_different_times_are_found(
+    carry: TwoArmPlan, first: str
+) -> None:
+    for late_s in (0.005, 0.1):
+        assert "is held at two poses" in kinds(shifted(carry, "right", first, late_s))
+
+
+@pytest.mark.slow
+def test_a_hand_that_never_opens_is_refused(handover: TwoArmPlan) -> None:
+    own, begins = handover.plans["left"], handover.begins_s["left"]
+    kept = evolve(
+        handover,
+        plans={**handover.plans, "left": evolve(own, steps=own.steps[:-2])},
+        begins_s={**handover.begins_s, "left": begins[:-2]},
+    )
+    with pytest.raises(ValueError, match="both arms handle stick"):
+        check(kept)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Body, Box, Manipulator, Part, TwoArmPlan, plan_handover
+from planner import Manipulator, TwoArmPlan, plan_handover
 from sim import EventKind, Outcome, Recorder, Recording, Replay, Simulation, World, write_csv
 from sim.recording.recorder import planned_recording
-from sim.world.gripper import Gripper
 from tests.planner.two_arms.pairs import HandoverCase, handover_of_stick
 from tests.sim.runs import Witness
 
@@ -80,31 +78,3 @@ def test_what_is_planned_can_be_recorded_written_and_shown(
     assert recording.times_s[-1] == pytest.approx(plan.duration_s, abs=0.01)
     page = Replay(recording, robot).html
     assert "stick" in page
-
-
-def test_a_hand_does_not_push_what_the_other_hand_holds(
-    robot: Baxter, run: tuple[World, Witness, Recording, Outcome], case: HandoverCase
-) -> None:
-    world = World.from_state(case.state, robot)
-    T_tip_block = pin.SE3(np.eye(3), np.array([0.0, 3e-3, 0.0]))
-    block = Body(
-        "block",
-        (Part(Box((0.04, 0.03, 0.04)), pin.SE3.Identity()),),
-        world.T_base_tip("right") * T_tip_block,
-    )
-    state = case.state.scene.with_body(block)
-    assert block.name in state.bodies
-    held = World(robot)
-    held.move_arm("right", world.arm_q("right"))
-    held._bodies[block.name] = Body(block.name, block.parts, block.T_base_body, is_movable=True)
-    held._poses[block.name] = block.T_base_body
-    gripper = Gripper(held, "right")
-    free = gripper.closing("block")
-    assert free.grasp is not None
-    assert free.grasp.push_m == pytest.approx(-3e-3, abs=1e-4)
-    T_left_block = held.T_base_tip("left").inverse() * block.T_base_body
-    held.attach("left", "block", T_left_block)
-    missed = gripper.closing("block")
-    assert missed.grasp is None
-    assert missed.miss is not None
-    assert not missed.pushes

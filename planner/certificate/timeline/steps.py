@@ -32,6 +32,9 @@ measured as what real arms follow (`baxter_kin.kinematics.limits`). The caller m
 
 MAX_STEPS = 1000
 
+MIN_RELEASE_M = 2.0 * PRESS_M
+"""Minimum travel of each finger that lets a body go: fingers may press into it by half of this."""
+
 MOTION = "Motion"
 """The type of a step that something else planned or recorded."""
 
@@ -414,7 +417,7 @@ class Timeline:
         asked = step["opening_m"]
         end_m = robot.stroke_m if asked is None else float(asked)
         is_way = 0.0 <= end_m <= robot.stroke_m + STATE_TOLERANCE
-        is_way &= name is None or end_m > now.opening_m
+        is_way &= name is None or end_m >= now.opening_m + MIN_RELEASE_M
         require(is_way, f"{label}: the fingers do not open so")
         if now.held is None:
             self._travel(label, now, (now.opening_m, end_m), None, witness)

@@ -2,13 +2,15 @@
 
 Candidates of the giver are overhead grasps at the pick, those of the taker overhead grasps of the
 body with any of its axes upwards, from which the hand does not come from below at the place. Both
-are in the middle of the body, or towards its ends. First come pairs in which the taker's hand
-points down at the place, and of these those in which the hands are far apart.
+are in the middle of the body, or towards its ends; there the taker's hand may lean outwards. First
+come pairs in which the taker's hand is above the body at the place, and of these those in which the
+hands are far apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -24,6 +26,10 @@ from planner.scene.coal_shapes import coal_pose, convex_pieces
 
 YAWS_RAD = (0.0, np.pi / 2)
 """Preferred yaws of overhead grasps: each side that the hand can hold, once."""
+
+LEANING_RAD = np.radians(30.0)
+"""Angle by which the taker's hand leans outwards in further grasps towards the ends: then two hands
+hold a body of 8 cm from above."""
 
 END_M = 0.015
 """Distance of the middle of the pads from the end of the body, in grasps towards it."""
@@ -88,14 +94,17 @@ def grasp_pairs(
         yield from (pairs[k] for k in best.tolist() if apart_m[k] >= MIN_APART_M)
 
 
-def _overhead(manipulator: Manipulator, body: Body, scene: Scene) -> Iterator[pin.SE3]:
-    """Overhead grasps of a body where it is, seen from the body."""
+def _overhead(
+    manipulator: Manipulator, body: Body, scene: Scene, *, may_lean: bool = False
+) -> Iterator[pin.SE3]:
+    """Overhead grasps of a body where it is, seen from the body; in some the hand may lean."""
     found: list[pin.SE3] = []
     for yaw_rad in YAWS_RAD:
         T = overhead_grasp(manipulator.hand, body, neighbours=scene, yaw_rad=yaw_rad)
         if not any((T * turn).isApprox(other, SAME_POSE) for other in found for turn in HALF_TURNS):
             found.append(T)
-            yield from _along_body(manipulator, body, body.T_base_body.inverse() * T)
+            T_body_tip = body.T_base_body.inverse() * T
+            yield from _along_body(manipulator, body, T_body_tip, may_lean=may_lean)
 
 
 def _around(
@@ -108,23 +117,31 @@ def _around(
     upward = [-float(T_base_goal.rotation[2] @ T_up.rotation[2]) for T_up in AXES_UP]
     for k in np.argsort(np.round(upward, 1), kind="stable").tolist():
         if upward[k] <= MAX_UPWARD:
-            found = _overhead(manipulator, body.at(AXES_UP[k]), Scene.of([]))
+            turned = body.at(AXES_UP[k])
+            found = _overhead(manipulator, turned, Scene.of([]), may_lean=True)
             yield [T for T in found if _is_free(manipulator, T_base_goal * T, others)]
 
 
-def _along_body(manipulator: Manipulator, body: Body, T_body_tip: pin.SE3) -> Iterator[pin.SE3]:
+def _along_body(
+    manipulator: Manipulator, body: Body, T_body_tip: pin.SE3, *, may_lean: bool
+) -> Iterator[pin.SE3]:
     """A grasp, and those towards the ends of the body along x and z of the tip, which hold it.
 
     Each comes with its twin, turned by half a turn about the axis of the hand.
     """
-    seen, shifts_m = body.at(T_body_tip.inverse()), [np.zeros(3)]
-    for axis in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])):
-        low_m, high_m = seen.extent_m(axis)
-        if high_m - low_m > 4.0 * END_M:
-            shifts_m.append(axis * (low_m + END_M))
-            shifts_m += [axis * (high_m - END_M)] if axis[0] else []
-    for shift_m in shifts_m:
-        T = centred(manipulator, body, T_body_tip * pin.SE3(np.eye(3), shift_m))
+    seen, axes = body.at(T_body_tip.inverse()), np.eye(3)
+    moves = [pin.SE3.Identity()]
+    (low_m, high_m), (top_m, bottom_m) = seen.extent_m(axes[0]), seen.extent_m(axes[2])
+    if high_m - low_m > 4.0 * END_M:
+        for shift_m in (low_m + END_M, high_m - END_M):
+            moves.append(pin.SE3(np.eye(3), shift_m * axes[0]))
+            if may_lean:
+                leaning = pin.utils.rotate("y", -np.sign(shift_m) * LEANING_RAD)
+                moves.append(pin.SE3(leaning, shift_m * axes[0]))
+    if bottom_m - top_m > 4.0 * END_M:
+        moves.append(pin.SE3(np.eye(3), (top_m + END_M) * axes[2]))
+    for move in moves:
+        T = centred(manipulator, body, T_body_tip * move)
         if T is not None:
             yield from (T * turn for turn in HALF_TURNS)
 
@@ -175,10 +192,17 @@ def _hand_shapes(
     manipulator: Manipulator, T_body_tip: pin.SE3
 ) -> Iterator[tuple[coal.CollisionGeometry, coal.Transform3s]]:
     """The convex hulls of a hand with open fingers, and their poses seen from the body."""
-    shapes, arm = manipulator.shapes, manipulator.arm
+    for shape, T_tip_shape in _open_hand(manipulator):
+        yield shape, coal_pose(T_body_tip * T_tip_shape)
+
+
+@lru_cache(maxsize=8)
+def _open_hand(manipulator: Manipulator) -> tuple[tuple[coal.CollisionGeometry, pin.SE3], ...]:
+    """The convex hulls of a hand with open fingers, and their poses seen from the tip."""
+    shapes, arm, found = manipulator.shapes, manipulator.arm, []
     fingers: Sequence[Sequence[int]] = shapes.of_fingers(arm)
     for index in sorted(shapes.of_hand(arm) & shapes.wholes):
         sign = (index in fingers[0]) - (index in fingers[1])
         opening = pin.SE3(np.eye(3), np.array([0.0, sign * manipulator.hand.stroke_m, 0.0]))
-        T = T_body_tip * opening * shapes.T_tip_shape(index, arm)
-        yield shapes.hull(index), coal_pose(T)
+        found.append((shapes.hull(index), opening * shapes.T_tip_shape(index, arm)))
+    return tuple(found)

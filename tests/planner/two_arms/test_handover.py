@@ -158,6 +158,16 @@ def put_down(document: Data) -> None:
     release_of(document)["receiver"] = ""
 
 
+def hardly_opens(document: Data) -> None:
+    """Let the giver's fingers open by a nanometre, so that they still hold the body."""
+    closed = next(
+        change["joints"]["l_gripper_l_finger_joint"]
+        for change in document["states"]["left"]
+        if change["attachments"]
+    )
+    release_of(document)["opening_m"] = closed + 1e-9
+
+
 def to_itself(document: Data) -> None:
     release_of(document)["receiver"] = "left"
 
@@ -169,6 +179,7 @@ def to_itself(document: Data) -> None:
         pytest.param(leaves_earlier(0.6), "order", id="the taker leaves while the giver opens"),
         pytest.param(elsewhere(1e-4), "stick", id="the hands hold it at two places"),
         pytest.param(put_down, "fall", id="nobody holds it"),
+        pytest.param(hardly_opens, "do not open so", id="a hand opens and holds on"),
         pytest.param(to_itself, "hands a body over to", id="a hand gives to itself"),
     ],
 )

@@ -327,3 +327,15 @@ def test_two_blocks_go_where_they_are_sent_at_the_same_time(robot: Baxter) -> No
     assert [result.is_done for result in beside] == [False, False]
     assert all(result.verdict.startswith("refused: ") for result in beside)
     np.testing.assert_array_equal(bench.world.q, before)
+
+
+def test_what_no_arm_reaches_at_both_ends_goes_from_hand_to_hand() -> None:
+    bench = Workbench()
+    bench.add_box("stick", 0.8, 0.38, size_m=(0.16, 0.04, 0.04), yaw_rad=np.pi / 2)
+    T = bench.world.body("stick").T_base_body
+    T_base_goal = pin.SE3(T.rotation, T.translation * (1.0, -1.0, 1.0))
+    result = bench.carry("stick", to=T_base_goal)
+    assert result.is_done, result
+    assert "from the left to the right hand" in result.verdict
+    placed = bench.world.body("stick").T_base_body
+    np.testing.assert_allclose(placed.homogeneous, T_base_goal.homogeneous, atol=1e-5)

@@ -243,11 +243,18 @@ class TestNeighbours:
         gap = world.body("blue").extent_m((0, 1, 0))[0] - world.body("red").extent_m((0, 1, 0))[1]
         assert gap == pytest.approx(0.0, abs=CONTACT_M)
 
-    def test_what_the_other_hand_holds_does_not_give_way(self, world: World) -> None:
-        in_the_hand(world, "b", 0.0, edge=0.04)
-        pose = world.T_base_tip("right").inverse() * world.body("b").T_base_body
-        world.attach("right", "b", pose)
+    @pytest.mark.parametrize("y", [0.0, 0.003])
+    def test_what_the_other_hand_holds_does_not_give_way(self, world: World, y: float) -> None:
+        in_the_hand(world, "b", y, edge=0.03)
+        before = world.body("b").T_base_body
+        world.attach("right", "b", world.T_base_tip("right").inverse() * before)
         closing = close(world)
+        after = world.body("b").T_base_body
+        np.testing.assert_allclose(after.homogeneous, before.homogeneous, atol=1e-12)
+        if y == 0.0:
+            assert closing.body == "b"
+            assert len(world.held) == 2
+            return
         assert closing.miss is not None
         assert closing.miss.kind is MissKind.BLOCKED
 

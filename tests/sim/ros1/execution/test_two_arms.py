@@ -13,15 +13,24 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from planner import Manipulator, PlanFailure, Response, TwoArmPlan, plan_pair_carry
+from planner import (
+    Manipulator,
+    PlanFailure,
+    Response,
+    TwoArmPlan,
+    plan_handover,
+    plan_pair_carry,
+)
 from planner.motion.response import TICK_S
 from sim import EventKind
 from sim.errors import SimulationError
 from sim.ros1.execution.execution import MeasuredOutcome
+from sim.ros1.execution.link import BaxterLink
 from sim.ros1.execution.readiness import START_MOVE_LABEL, ExecutionOptions, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from tests.planner.two_arms.pair_moves import carries
+from tests.planner.two_arms.pairs import handover_of_stick
 from tests.sim.ros1.execution.conftest import FAST, Network, networked_at
 from tests.sim.runs import Witness
 
@@ -359,6 +368,31 @@ def test_an_invalid_plan_is_refused(both: Network, two_arm_plan: TwoArmPlan) -> 
     with pytest.raises(SimulationError, match="cannot be executed: together: no solution"):
         both.executor().execute(broken)
     assert both.robot.commands == []
+
+
+@pytest.mark.slow
+def test_a_simulated_baxter_hands_a_body_over(
+    robot: Baxter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = handover_of_stick({side: Manipulator.of(robot, side) for side in LIMBS})
+    plan, witness = plan_handover(*case), Witness()
+    with networked_at(robot, plan) as network:
+        executor = network.executor(witness)
+        refused = executor.prepare(plan)
+        assert [each.name for each in refused.failures] == ["tracking"]
+        monkeypatch.setattr(BaxterLink, "is_simulated", True)
+        found = executor.prepare(plan)
+        assert found.ready is not None, found.failures
+        outcome = executor.execute(found.ready)
+    assert outcome.is_success, outcome.failure
+    kinds = EventKind.GRASPED, EventKind.RELEASED
+    order = [(each.kind, each.side) for each in witness.events if each.kind in kinds]
+    assert order == [
+        (EventKind.GRASPED, "left"),
+        (EventKind.GRASPED, "right"),
+        (EventKind.RELEASED, "left"),
+        (EventKind.RELEASED, "right"),
+    ]
 
 
 def test_a_body_in_both_hands_is_refused_where_arms_lag(robot: Baxter) -> None:
