@@ -20,8 +20,10 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin.fields import evolve
+from baxter_kin.ik import sample_solutions
 from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import expect
 from planner.collision.context import CollisionContext
@@ -43,7 +45,7 @@ from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
 
 logger = logging.getLogger(__name__)
 
-MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 6
+MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 8
 """Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
 of each that are compared; and of meetings that are tried."""
 
@@ -125,6 +127,7 @@ class HandoverSearch:
             "handover", "no two grasps were found in which the hands are apart"
         )
         self._failures: list[PlanFailure] = []
+        self._placing: dict[bytes, bool] = {}
         scene = problem.state.scene.without(task.body)
         self._own = [
             evolve(each, shapes=each.shapes.without(other_than(each.arm.side))).context(
@@ -157,7 +160,7 @@ class HandoverSearch:
         pairs = grasp_pairs(
             self._arms, problem.state.scene, self._body, task.T_base_goal, (given[0], given[1])
         )
-        pairs = islice(pairs, MAX_PAIRS)
+        pairs = islice((pair for pair in pairs if self._can_place(pair.T_body_taker)), MAX_PAIRS)
         unclear: list[Candidate] = []
         while some := list(islice(pairs, AT_ONCE)):
             reason = f"no place was found where both hands can hold {task.body}"
@@ -167,6 +170,21 @@ class HandoverSearch:
             yield from [each for each in found if each.is_clear][:AT_ONCE]
             unclear += [each for each in found if not each.is_clear]
         yield from unclear
+
+    def _can_place(self, T_body_taker: pin.SE3) -> bool:
+        """Whether the taker is clear of everything at the place, with some of its solutions."""
+        key = T_body_taker.homogeneous.tobytes()
+        if key not in self._placing:
+            taker, own = self._arms[1], self._own[1]
+            qs = sample_solutions(taker.ik, self._task.T_base_goal * T_body_taker)
+            self._placing[key] = any(map(own.is_free, qs))
+            if not self._placing[key]:
+                side = taker.arm.side
+                reason = f"all {len(qs)} solutions of the {side} arm at the place collide"
+                if not len(qs):
+                    reason = f"the {side} arm does not reach the place"
+                self._failure = PlanFailure("place: descend", reason)
+        return self._placing[key]
 
     def _meetings(self, grasps: GraspPair) -> Iterator[Candidate]:
         arms, task, state = self._arms, self._task, self._problem.state
