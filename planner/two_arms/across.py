@@ -304,11 +304,17 @@ class Across:
             self._obstacles[at, extra_m] = found
         return self._obstacles[at, extra_m]
 
-    def first_hit_s(self, plan: TwoArmPlan, step_s: float) -> float | None:
-        """The first of samples of a plan at which the arms are too close; None without any."""
+    def first_hit_s(self, plan: TwoArmPlan, step_s: float, room_m: float) -> float | None:
+        """The first of samples of a plan at which the arms are too close; None without any.
+
+        Args:
+            plan: the plan.
+            step_s: time between samples.
+            room_m: distance to keep in addition to the margin.
+        """
         motion = plan.trajectory
         for window in windows_of(plan, self.episodes):
-            context = self.context(window.episodes)
+            context = self.context(window.episodes).with_margin(self.margin_m + room_m)
             count = 2 + int((window.end_s - window.begin_s) / step_s)
             times_s = np.linspace(window.begin_s, window.end_s, count)
             for time_s, q in zip(times_s.tolist(), motion.sample(times_s).q, strict=True):

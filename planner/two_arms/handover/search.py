@@ -49,8 +49,9 @@ MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 8
 """Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
 of each that are compared; and of meetings that are tried."""
 
-LOOK_S = 0.02
-"""Step of the times at which both arms are looked at before a proof."""
+LOOK_S, ROOM_M = 0.02, 1e-3
+"""Step of the times at which both arms are looked at before a proof, and distance that they keep
+there in addition to the margin, as the shapes of a simulation are a little thicker."""
 
 LEAVING = (0.0, 0.5, 1.0)
 """Shares of the giver's line away that are past when the taker leaves, in the order of trial."""
@@ -331,7 +332,7 @@ class HandoverSearch:
                 times = handover_times(giver.plan, taker.plan, grip_s, share, is_late=is_late)
                 begins_s = dict(zip((task.giver, task.taker), times.begins_s, strict=True))
                 plan = TwoArmPlan(problem.state, plans, begins_s, grip_s, None, NOT_PROVEN)
-                hit_s = across.first_hit_s(plan, LOOK_S)
+                hit_s = across.first_hit_s(plan, LOOK_S, ROOM_M)
                 if hit_s is None:
                     proven = with_proof(plan, across)
                     if isinstance(proven, TwoArmPlan):
