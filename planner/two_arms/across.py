@@ -243,6 +243,30 @@ def _added(
         yield indices, T_tip_body is not None
 
 
+def context_between(
+    shapes: RobotShapes,
+    manipulators: Mapping[str, Manipulator],
+    states: tuple[HandState, HandState],
+    q_others: FloatArray,
+    margin_m: float,
+) -> CollisionContext:
+    """The context of all 14 joints, of both arms and hands against each other.
+
+    Args:
+        shapes: the robot's shapes, no arm left out.
+        manipulators: of both arms.
+        states: of the left and the right hand.
+        q_others: a full configuration, shape (19,), for the joints of neither arm.
+        margin_m: distance that both arms keep.
+    """
+    full = np.array(q_others)
+    for side, state in zip(LIMBS, states, strict=True):
+        manipulator = manipulators[side]
+        fingers = manipulator.hand.finger_joints(state.finger_m)
+        full[list(manipulator.robot.indices(tuple(fingers)))] = list(fingers.values())
+    return CollisionContext(BetweenArms(shapes, manipulators, states), full, margin_m=margin_m)
+
+
 class Window(NamedTuple):
     """An interval of the clock in which the states of both hands are the same.
 
@@ -285,15 +309,10 @@ class Across:
     def context(self, at: tuple[int, int]) -> CollisionContext:
         """The context of all 14 joints, by the numbers of the left and the right episode."""
         if at not in self._contexts:
-            states = tuple(self.episodes[s][k].state for s, k in zip(LIMBS, at, strict=True))
-            left, right = states
-            full = np.array(self._q_others)
-            for side, state in zip(LIMBS, states, strict=True):
-                manipulator = self.manipulators[side]
-                fingers = manipulator.hand.finger_joints(state.finger_m)
-                full[list(manipulator.robot.indices(tuple(fingers)))] = list(fingers.values())
-            checker = BetweenArms(self._shapes, self.manipulators, (left, right))
-            self._contexts[at] = CollisionContext(checker, full, margin_m=self.margin_m)
+            left, right = (self.episodes[s][k].state for s, k in zip(LIMBS, at, strict=True))
+            self._contexts[at] = context_between(
+                self._shapes, self.manipulators, (left, right), self._q_others, self.margin_m
+            )
         return self._contexts[at]
 
     def obstacles(self, at: tuple[int, int], extra_m: float) -> Obstacles:

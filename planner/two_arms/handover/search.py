@@ -35,7 +35,7 @@ from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, LineTolerance
 from planner.pick_place.task import InAir
 from planner.plan import Grip, Move, Plan, PlanFailure
 from planner.state import State
-from planner.two_arms.across import BetweenArms, HandState
+from planner.two_arms.across import HandState, context_between
 from planner.two_arms.handover.grasps import GraspPair, centred, grasp_pairs
 from planner.two_arms.handover.meeting import Ends, Meeting, meetings
 from planner.two_arms.handover.task import Giving, Handover, Taking
@@ -212,14 +212,12 @@ class HandoverSearch:
         )
         closed_m = grasp.finger_m if isinstance(grasp, Grasp) else 0.0
         opening_m = {task.giver: closed_m, task.taker: taker.hand.stroke_m}
-        states = tuple(HandState(opening_m[side], 0.0, ()) for side in LIMBS)
-        checker = BetweenArms(giver.shapes, problem.manipulators, (states[0], states[1]))
-        full = np.array(giver.robot.configuration(dict(problem.state.joints)))
-        for side in LIMBS:
-            manipulator = problem.manipulators[side]
-            fingers = manipulator.hand.finger_joints(opening_m[side])
-            full[list(manipulator.robot.indices(tuple(fingers)))] = list(fingers.values())
-        return CollisionContext(checker, full, margin_m=problem.requirements.margin_m)
+        left, right = (HandState(opening_m[side], 0.0, ()) for side in LIMBS)
+        q_others = giver.robot.configuration(dict(problem.state.joints))
+        margin_m = problem.requirements.margin_m
+        return context_between(
+            giver.shapes, problem.manipulators, (left, right), q_others, margin_m
+        )
 
     def _planned(self, candidate: Candidate) -> TwoArmPlan | None:
         """The plan of a handover at a meeting; None where there is none, with the reason.
