@@ -119,14 +119,14 @@ def checked_problem(
     expect(may_withdraw, bool, "may_withdraw", TaskError)
     requirements = Requirements(
         checked_margin_m(margin_m),
-        checked_grip_s(grip_s, arms),
+        _checked_grip_s(grip_s, arms),
         checked_line_tolerance(line_tolerance),
         may_withdraw,
     )
     return Problem(arms, state, handled, requirements)
 
 
-def checked_grip_s(grip_s: float, manipulators: Mapping[str, Manipulator]) -> float:
+def _checked_grip_s(grip_s: float, manipulators: Mapping[str, Manipulator]) -> float:
     """The duration of a gripper action, refused where fingers take longer for their stroke."""
     stroke_s = max(arm.hand.stroke_m for arm in manipulators.values()) / FINGER_SPEED_M_S
     return float(finite_scalar(grip_s, "grip_s", TaskError, least=stroke_s))

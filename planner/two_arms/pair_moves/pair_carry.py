@@ -29,14 +29,13 @@ from baxter_kin.frames import PoseLike, checked_pose, raised
 from baxter_kin.ik import sample_solutions
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect
-from planner.clearance import ContinuousContact, checked_margin_m
+from planner.clearance import ContinuousContact
 from planner.completion import after, complete, state_of
 from planner.errors import MotionError, TaskError
 from planner.grasping.finger_travel import FingerTravel, closing_travel, prove_travel
 from planner.grasping.grasp import Grasp, Miss
-from planner.manipulator import Manipulator, both_of, context_of_both, limits_of_both
+from planner.manipulator import Manipulator, context_of_both, limits_of_both
 from planner.motion.free_move import DEFAULT_MARGIN_M, plan_free_move
-from planner.motion.joint_move import checked_start
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
 from planner.motion.paths.straight_move import plan_straight_move
 from planner.motion.upright import Upright
@@ -52,8 +51,8 @@ from planner.state import State
 from planner.trajectory import Trajectory
 from planner.two_arms.pair_moves.pair_move import PairMove, plan_pair_move
 from planner.two_arms.plan import TwoArmPlan
-from planner.two_arms.problem import Problem, Requirements
-from planner.two_arms.together import DEFAULT_GRIP_S, checked_grip_s
+from planner.two_arms.problem import Problem
+from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
 
 DEFAULT_APPROACH_M = 0.08
 """Default length of the line of each hand to its grasp, along its own axis."""
@@ -147,19 +146,17 @@ def plan_pair_carry(
         MotionError: when the margin is invalid.
     """
     expect(task, PairCarry, "task", TaskError)
-    arms = dict(zip(LIMBS, both_of(manipulators), strict=True))
-    expect(state, State, "state", TaskError)
-    if not state.scene[task.body].is_movable:
-        raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
-    for held in state.attachments:
-        raise TaskError(f"the {held.side} hand holds {held.body!r}; it must be empty at first")
-    limits = limits_of_both(arms)
-    checked_start(state.q(limits.names), limits)
-    requirements = Requirements(
-        checked_margin_m(margin_m), checked_grip_s(grip_s, arms), DEFAULT_TOLERANCE
+    problem = checked_problem(
+        dict.fromkeys(LIMBS, frozenset({task.body})),
+        manipulators,
+        state,
+        margin_m=margin_m,
+        grip_s=grip_s,
+        line_tolerance=DEFAULT_TOLERANCE,
+        may_withdraw=False,
     )
-    problem = Problem(arms, state, dict.fromkeys(LIMBS, frozenset()), requirements)
-    return _Search(task, problem).plan()
+    in_both_worlds = dict.fromkeys(LIMBS, frozenset[str]())
+    return _Search(task, evolve(problem, handled=in_both_worlds)).plan()
 
 
 class _Candidate(NamedTuple):
