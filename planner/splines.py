@@ -92,6 +92,14 @@ class Sketch(NamedTuple):
         """Number of intervals, n."""
         return len(self.q) - 1
 
+    def towards(self, other: Sketch, share: float) -> Sketch:
+        """A sketch between this one and another of as many intervals; its controls are, too."""
+        own, others = 1.0 - share, share
+        q = own * self.q + others * other.q
+        duration_s = own * self.duration_s + others * other.duration_s
+        ends = own * self.duration_s * self.v_ends + others * other.duration_s * other.v_ends
+        return Sketch(q, ends / duration_s, duration_s)
+
     @property
     def controls(self) -> FloatArray:
         """Controls of the spline through all states, shape (n + 3, joints), rad."""

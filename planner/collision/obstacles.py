@@ -46,12 +46,23 @@ class LinearBounds(NamedTuple):
         weights: of the four controls at the time of each bound, shape (n, 4).
         coefficients: for each interval and pair, the gradient, m/rad, and the constant term, m, of
             the linearised excess, shape (n, PAIRS, J + 1).
-        excess_m: the smallest excess in all intervals; `REACH_M` where nothing is that near.
+        least_m: the smallest excess in each interval, shape (n,), m; where nothing is near, the
+            reach.
     """
 
     weights: FloatArray
     coefficients: FloatArray
-    excess_m: float
+    least_m: FloatArray
+
+    @property
+    def excess_m(self) -> float:
+        """The smallest excess in all intervals."""
+        return float(self.least_m.min())
+
+    @property
+    def missing_m(self) -> float:
+        """The sum of what is missing in each interval."""
+        return float(-self.least_m.clip(max=0.0).sum())
 
 
 class Obstacles:
@@ -88,31 +99,37 @@ class Obstacles:
         if len(resting):
             self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
-    def bounds(self, controls: FloatArray) -> LinearBounds:
-        """Bounds near a motion by its controls, shape (n + 3, J)."""
+    def bounds(self, controls: FloatArray, reach_m: float = REACH_M) -> LinearBounds:
+        """Bounds near a motion by its controls, shape (n + 3, J).
+
+        Pairs whose excess is not below `reach_m` are not constrained.
+        """
         fractions = np.arange(SAMPLES) / SAMPLES
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, J, 4
         intervals = len(windows)
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, controls.shape[1])
         placed = self._motion_bounds.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
-        least = np.full(len(qs), REACH_M)
+        least = np.full(len(qs), reach_m)
         for first in range(0, len(qs), SAMPLES):
-            within_m = REACH_M
+            within_m = reach_m
             for k in range(first, first + SAMPLES):
                 for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
                     least[k] = within_m = min(within_m, excess)
-        deepest = least.reshape(intervals, SAMPLES).argmin(axis=1)
+        by_interval = least.reshape(intervals, SAMPLES)
+        deepest = by_interval.argmin(axis=1)
         coefficients = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
-        coefficients[:, :, -1] = REACH_M
+        coefficients[:, :, -1] = reach_m
         axes = self._motion_bounds.axes(placed)
         for interval, k in enumerate((SAMPLES * np.arange(intervals) + deepest).tolist()):
-            if least[k] < REACH_M:
-                for row, (excess, i) in enumerate(self._nearest(placed, k, gaps[k], PAIRS)):
+            if least[k] < reach_m:
+                for row, (excess, i) in enumerate(
+                    self._nearest(placed, k, gaps[k], PAIRS, reach_m)
+                ):
                     slope = self._slope(placed, k, i, axes[k])
                     coefficients[interval, row] = [*slope, excess - slope @ qs[k]]
         weights = weights_at(fractions[deepest])
-        return LinearBounds(weights, coefficients, float(least.min()))
+        return LinearBounds(weights, coefficients, by_interval.min(axis=1))
 
     def nearest(
         self, qs: FloatArray, most: int, within_m: float = REACH_M

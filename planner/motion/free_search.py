@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import MissingLibraryError
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, IsFree, looks_clear
 from planner.collision.obstacles import Obstacles
 from planner.errors import FreeMoveError
@@ -384,28 +384,11 @@ class Passing:
 
         In each step, one or both arms move on by a sample.
         """
-        shape = self.is_free.shape
-        steps = np.where(self.is_free, np.inf, np.nan)
-        came_from = np.zeros((*shape, 2), dtype=np.intp)
-        steps[0, 0] = 0.0
-        for i in range(shape[0]):
-            for j in range(shape[1]):
-                if np.isnan(steps[i, j]):
-                    continue
-                for move in ((1, 1), (1, 0), (0, 1)):
-                    k, m = i - move[0], j - move[1]
-                    if k >= 0 and m >= 0 and steps[k, m] + 1.0 < steps[i, j]:
-                        steps[i, j], came_from[i, j] = steps[k, m] + 1.0, move
-        at = np.array(shape) - 1
-        if not np.isfinite(steps[tuple(at)]):
+        way = cheapest_way(np.where(self.is_free, 1.0, np.inf))
+        if way is None:
             return None
-        way = [at]
-        while way[-1].any():
-            way.append(way[-1] - came_from[tuple(way[-1])])
         samples = [_samples(motion, self.step_s) for motion in self.own]
-        qs = np.concatenate(
-            [each[k] for each, k in zip(samples, np.array(way[::-1]).T, strict=True)], axis=1
-        )
+        qs = np.concatenate([each[k] for each, k in zip(samples, way.T, strict=True)], axis=1)
         times = np.linspace(0.0, len(qs) - 1.0, intervals + 1)
         q = np.stack([np.interp(times, np.arange(len(qs)), joint) for joint in qs.T], axis=1)
         return Sketch(q, np.zeros((2, q.shape[1])), self.step_s * (len(qs) - 1))
@@ -426,6 +409,39 @@ class Passing:
                 end_s = max(d + m.duration for d, m in zip(delays_s, self.own, strict=True))
                 found.append((end_s, delays_s))
         yield from (delays_s for _, delays_s in sorted(found))
+
+
+def cheapest_way(
+    costs: FloatArray, staying: tuple[FloatArray, FloatArray] | None = None
+) -> Indices | None:
+    """The way from one corner of a grid to the opposite one on which the sum of costs is smallest.
+
+    Args:
+        costs: of each place, shape (m, n); infinite where no way leads through.
+        staying: additional costs of steps in which the first number stays, shape (m,), and of
+            those in which the second does, shape (n,).
+
+    Returns:
+        Numbers of places, shape (k, 2); from each to the next, one number or both rise by one. None
+        where there is no way.
+    """
+    first, second = (np.zeros(n) for n in costs.shape) if staying is None else staying
+    total = np.full(costs.shape, np.inf)
+    came_from = np.zeros((*costs.shape, 2), dtype=np.intp)
+    for (i, j), cost in np.ndenumerate(costs):
+        if i == j == 0:
+            total[0, 0] = cost
+        for move, more in (((1, 1), 0.0), ((1, 0), second[j]), ((0, 1), first[i])):
+            k, m = i - move[0], j - move[1]
+            if k >= 0 and m >= 0 and total[k, m] + cost + more < total[i, j]:
+                total[i, j], came_from[i, j] = total[k, m] + cost + more, move
+    at = np.array(costs.shape) - 1
+    if not np.isfinite(total[tuple(at)]):
+        return None
+    way = [at]
+    while way[-1].any():
+        way.append(way[-1] - came_from[tuple(way[-1])])
+    return np.array(way[::-1])
 
 
 def _samples(motion: Trajectory, step_s: float) -> FloatArray:

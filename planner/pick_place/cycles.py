@@ -230,9 +230,10 @@ class CycleProgram:
             return self._phases, self._task
         return self._phases, replace(self._task, tilt=self._upright.at_knots(share))
 
-    def is_kept_by(self, motions: Motions) -> bool:
-        """Whether motions keep their lines and the axis that stays upright."""
-        return not any(self._off_line(motions)) and not self._leans(motions)
+    def strays(self, motions: Motions) -> list[bool]:
+        """Whether each motion leaves its line, or the body leans too much in it."""
+        off = zip(self._off_line(motions), self._leaning(motions), strict=True)
+        return [leaves or leans for leaves, leans in off]
 
     def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
         """The fastest cycle near sketches; lines that it leaves between knots get more of them."""
@@ -263,17 +264,18 @@ class CycleProgram:
         for share in KNOT_SHARES:
             _, task = self.problem(share)
             motions = program.solve(sketches, task, arm, limits, clearances)
-            if motions is None or not self._leans(motions):
+            if motions is None or not any(self._leaning(motions)):
                 return motions
         return None
 
-    def _leans(self, motions: Motions) -> bool:
-        """Whether the axis that stays upright leaves its cone while the body is carried."""
-        return self._upright is not None and not all(
-            self._upright.is_kept_by(self._manipulator.arm, motion)
+    def _leaning(self, motions: Motions) -> list[bool]:
+        """Whether each motion carries the body, and the axis that stays upright leaves its cone."""
+        return [
+            self._upright is not None
+            and leg.stage in CARRYING
+            and not self._upright.is_kept_by(self._manipulator.arm, motion)
             for leg, motion in zip(self._legs, motions, strict=True)
-            if leg.stage in CARRYING
-        )
+        ]
 
     def _off_line(self, motions: Motions) -> list[bool]:
         """Whether each motion leaves its line."""

@@ -3,10 +3,11 @@
 Tried in this order, until a plan is proven:
 
 1. Each arm's own fastest cycle, both from the beginning, or one of them a little later.
-2. The joint program (`planner.two_arms.program`), from the most promising delays of one arm's
-   start. Where the arms block each other at their ends, an arm that is done goes on to where it
-   does not, as a further motion of the program.
-3. Both own cycles with the shortest delay that is clear.
+2. The joint program (`planner.two_arms.program`), from the best coordination of both own cycles
+   (`planner.two_arms.coordination`), then from the shortest delay of one arm's start that is clear.
+   Where the arms block each other at their ends, an arm that is done goes on to where it does not,
+   as a further motion of the program.
+3. Both own cycles with that delay.
 4. In turn: one arm stands still while the other moves, in the better order. An arm that stands in
    the way withdraws.
 """
@@ -32,17 +33,17 @@ from planner.collision.context import CollisionContext
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.plan import Move, Plan
+from planner.two_arms.coordination import Coordination, Guess
 from planner.two_arms.plan import TwoArmPlan, begins_of, duration_of
 from planner.two_arms.problem import NOT_PROVEN, ArmCycle, Problem, StepSequence
-from planner.two_arms.program import SCAN_STEP_S, ArmTrack, JointProgram, Timed
+from planner.two_arms.program import JointProgram, Timed
+from planner.two_arms.rounds import solutions
 
 logger = logging.getLogger(__name__)
 
-MAX_GUESSES = 2
-"""Maximum number of guesses of the joint program that are solved."""
-
-MAX_DELAYED = 3
-"""Maximum number of delays that are tried with both cycles as they are."""
+MAX_GUESSES, MAX_DELAYED = 3, 3
+"""Maximum number of guesses of the joint program that are solved, and of delays that are tried with
+both cycles as they are."""
 
 NO_LOSS = 1.005
 """A delay that prolongs the slower arm's cycle by at most this factor is taken at once."""
@@ -81,63 +82,21 @@ class Variant:
 
     Attributes:
         cycles: by the arm.
-        tracks: left and right.
-        guess: both cycles without waits.
         program: of both.
+        own: both cycles without waits.
     """
 
     cycles: Mapping[str, ArmCycle]
-    tracks: tuple[ArmTrack, ArmTrack]
-    guess: tuple[Timed, Timed]
     program: JointProgram
-
-    def delayed(self, delay_s: float) -> tuple[Timed, Timed]:
-        """Both cycles; the right arm starts later, or, where the delay is negative, the left."""
-        left, right = self.guess
-        return _later(left, max(-delay_s, 0.0)), _later(right, max(delay_s, 0.0))
+    own: tuple[Timed, Timed]
 
     def timing(self, cycles: Mapping[str, ArmCycle], waits_s: Sequence[FloatArray]) -> Timing:
         """Cycles with rests before the motions that begin at rest."""
         by_move = {
             side: dict(zip(track.rests, waits.tolist(), strict=True))
-            for side, track, waits in zip(LIMBS, self.tracks, waits_s, strict=True)
+            for side, track, waits in zip(LIMBS, self.program.arms, waits_s, strict=True)
         }
         return Timing(cycles, by_move)
-
-
-def _later(timed: Timed, delay_s: float) -> Timed:
-    waits = timed.waits_s.copy()
-    waits[0] += delay_s
-    return timed._replace(waits_s=waits)
-
-
-class Guess(NamedTuple):
-    """A guess of the joint program.
-
-    Attributes:
-        merit_s: makespan plus the cost of missing distances; the makespan of one that is clear.
-        end_s: makespan.
-        delay_s: of the right arm's start, or, where negative, of the left arm's.
-        variant: whose cycles these are.
-    """
-
-    merit_s: float
-    end_s: float
-    delay_s: float
-    variant: Variant
-
-    @property
-    def rank(self) -> float:
-        """The smaller, the better: half the cost of missing distances counts.
-
-        From a start that overlaps a little more, the program ends sooner, and often faster.
-        """
-        return (self.merit_s + self.end_s) / 2.0
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether both arms keep clear at all instants that were examined."""
-        return self.merit_s <= self.end_s
 
 
 class PairSearch:
@@ -212,38 +171,26 @@ class PairSearch:
         """Motions of both arms at once, in the order in which they are to be proven."""
         none: Mapping[int, float] = {}
         yield Timing(self.cycles, dict.fromkeys(LIMBS, none))
-        variants = self._variants()
-        guesses = [guess for variant in variants for guess in self._scanned(variant)]
-        guesses.sort(key=lambda guess: guess.rank)
+        found = [(v, Coordination.of(v.program, v.own)) for v in self._variants()]
+        delayed = [(v, guess) for v, each in found for guess in each.delayed()]
+        delayed.sort(key=lambda each: each[1].cost_s)
         shortest_s = max(self._duration_s(cycle) for cycle in self.cycles.values())
-        clear = sorted((each for each in guesses if each.is_clear), key=lambda each: each.end_s)
-        if clear and clear[0].end_s <= NO_LOSS * shortest_s:
-            yield self._as_they_are(clear[0])
-        for guess in [each for each in guesses if _is_minimum(each, guesses)][:MAX_GUESSES]:
-            variant = guess.variant
-            for motions, waits_s, _ in reversed(
-                list(variant.program.solutions(variant.delayed(guess.delay_s)))
-            ):
+        if delayed and delayed[0][1].cost_s <= NO_LOSS * shortest_s:
+            yield _as_they_are(*delayed[0])
+        guesses = [(v, each.guess()) for v, each in found]
+        guesses.sort(key=lambda each: each[1].cost_s)
+        at_once = [(v, Guess(0.0, v.own)) for v, _ in found]
+        for variant, guess in [*guesses, *delayed[:1], *at_once][:MAX_GUESSES]:
+            for solution in solutions(variant.program, guess.timed):
+                while delayed and delayed[0][1].cost_s < solution.makespan_s:
+                    yield _as_they_are(*delayed.pop(0))
                 cycles = {
                     side: variant.cycles[side].with_motions(each)
-                    for side, each in zip(LIMBS, motions, strict=True)
+                    for side, each in zip(LIMBS, solution.motions, strict=True)
                 }
-                yield variant.timing(cycles, waits_s)
-        for guess in clear[:MAX_DELAYED]:
-            yield self._as_they_are(guess)
-
-    def _as_they_are(self, guess: Guess) -> Timing:
-        waits_s = [each.waits_s for each in guess.variant.delayed(guess.delay_s)]
-        return guess.variant.timing(guess.variant.cycles, waits_s)
-
-    def _scanned(self, variant: Variant) -> Iterator[Guess]:
-        """Guesses with delays of either arm's start, up to the whole cycle of the other."""
-        left_s, right_s = (self._duration_s(cycle) for cycle in variant.cycles.values())
-        steps = np.arange(-np.ceil(right_s / SCAN_STEP_S), np.ceil(left_s / SCAN_STEP_S) + 1)
-        for delay_s in (SCAN_STEP_S * steps).tolist():
-            end_s = max(left_s + max(-delay_s, 0.0), right_s + max(delay_s, 0.0))
-            merit_s = variant.program.merit_s(variant.delayed(delay_s))
-            yield Guess(merit_s, end_s, delay_s, variant)
+                yield variant.timing(cycles, solution.waits_s)
+        for variant, guess in delayed[:MAX_DELAYED]:
+            yield _as_they_are(variant, guess)
 
     def _duration_s(self, cycle: ArmCycle) -> float:
         """The duration of a cycle on the clock, s."""
@@ -276,12 +223,11 @@ class PairSearch:
                 self._reason = "a line is too short or too long for a program"
                 continue
             (left, left_sketches), (right, right_sketches) = found[0], found[1]
-            guess = (
+            own = (
                 Timed(left_sketches, np.zeros(len(left.rests))),
                 Timed(right_sketches, np.zeros(len(right.rests))),
             )
-            program = JointProgram((left, right), across)
-            variants.append(Variant(cycles, (left, right), guess, program))
+            variants.append(Variant(cycles, JointProgram((left, right), across), own))
         return variants
 
     def _withdrawing(self) -> Iterator[Mapping[str, ArmCycle]]:
@@ -343,10 +289,5 @@ class PairSearch:
         return found
 
 
-def _is_minimum(guess: Guess, guesses: Sequence[Guess]) -> bool:
-    """Whether the guesses with the neighbouring delays of the same variant are not better."""
-    return all(
-        guess.rank <= other.rank
-        for other in guesses
-        if other.variant is guess.variant and abs(other.delay_s - guess.delay_s) < 1.5 * SCAN_STEP_S
-    )
+def _as_they_are(variant: Variant, guess: Guess) -> Timing:
+    return variant.timing(variant.cycles, [timed.waits_s for timed in guess.timed])

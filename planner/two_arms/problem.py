@@ -19,7 +19,7 @@ from planner.completion import after, complete, state_of
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
 from planner.motion.paths.straight_line import LineTolerance
-from planner.motion.program.motion_program import EXTRA_MARGIN_M, Track
+from planner.motion.program.motion_program import EXTRA_MARGIN_M, Motions, Track
 from planner.motion.program.unknowns import Phase
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.cycles import LED, Cycle, with_intervals
@@ -148,7 +148,7 @@ class ArmCycle:
         count = len(self.search.task.legs)
         cycle = Cycle(self.search.task.legs, tuple(motions[:count]))
         made = ArmCycle(self.search, self.search.along(cycle))
-        if made.plan.is_valid and not self.search.program.is_kept_by(cycle.motions):
+        if made.plan.is_valid and any(self.search.program.strays(cycle.motions)):
             reason = "the tip leaves its line, or the body leans, between knots of the program"
             failure = PlanFailure("place: approach", reason)
             made = evolve(made, plan=evolve(made.plan, failure=failure))
@@ -200,7 +200,12 @@ class ArmCycle:
                 phase += 1
         arm, limits = self.manipulator.arm, self.manipulator.limits
         track = Track(track_program(phases, len(limits.names)), task, arm, limits)
-        return ArmTrack(track, obstacles, tuple(steps), grip_s), sketches
+
+        def strays(motions: Motions) -> list[bool]:
+            further = [False] * (len(motions) - len(legs))
+            return program.strays(motions[: len(legs)]) + further
+
+        return ArmTrack(track, obstacles, tuple(steps), grip_s, strays), sketches
 
     @property
     def _end(self) -> State:

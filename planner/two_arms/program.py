@@ -13,15 +13,14 @@ are bounded,
 where y are controls of an arm; in the last solution it is at t at the fraction u of a phase, with
 velocity v; and tau is the time at which it now is at that fraction: the sum of the waits, durations
 and gripper actions before, and u of the phase's own duration. So each row is linear in controls,
-durations and waits of both arms. As the distances are linearised, the program is solved in rounds,
-each near the last solution (`planner.motion.program.motion_program`).
+durations and waits of both arms. As the distances are linearised, a solution holds near the motions
+at which they were; `planner.two_arms.rounds` solves the program repeatedly.
 """
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -30,13 +29,11 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.obstacles import LinearBounds, Obstacles
+from planner.motion.program import motion_program
 from planner.motion.program.motion_program import (
     EXTRA_MARGIN_M,
-    MARGIN_TOLERANCE_M,
     MAX_DURATION,
     MAX_SHORTFALL_M,
-    SHORTFALL_PER_M,
-    TRUST_DECAY,
     TRUST_RAD,
     Coupling,
     MotionProgram,
@@ -47,32 +44,35 @@ from planner.motion.program.motion_program import (
 )
 from planner.motion.program.rows import Clearances, constant
 from planner.motion.program.unknowns import Phase
-from planner.splines import Sketch, rates_at, weights_at
+from planner.splines import Sketch, rates_at, trajectory_of, weights_at
 from planner.two_arms.across import Across
 
-logger = logging.getLogger(__name__)
-
-INSTANTS, PAIRS = 140, 3
+INSTANTS, PAIRS = 240, 3
 """Number of instants of the clock at which the arms keep clear of each other, and of pairs at each:
-the nearest ones. In motions of 4 to 6 s these are 40 ms apart; with `MARGIN_TOLERANCE_M`, the proof
-found no contact in between in any of 24 solutions."""
+the nearest ones. In motions of 6 to 9 s these are 25 to 40 ms apart: hands that pass each other
+move by up to 10 cm meanwhile, which the proof may refuse."""
 
-SETTLED, MAX_IN_VAIN = 0.01, 3
-"""Share of its makespan by which a clear solution must change for another round, and maximum number
-of rounds after it without another."""
+SHORTFALL_PER_M = motion_program.SHORTFALL_PER_M * 140 / INSTANTS
+"""Cost of a metre that is missing between the arms at an instant, in units of time."""
+
+OWN_REACH_M = 0.05
+"""An arm's own obstacles are constrained when they are nearer: it keeps clear of them before the
+other arm is there, and there are many rounds."""
 
 OWN_SHARE = 0.02
 """Weight of all durations and waits in the objective."""
 
-MAX_ROUNDS, MAX_FAILURES, MAX_ITERATIONS = 14, 2, 150
-"""Maximum number of rounds, of rounds without a solution, and of IPOPT's iterations in a round."""
+OPTIONS = {"ipopt.max_iter": 150, "ipopt.mu_init": 3e-2}
+"""Of the solver. Its first barrier parameter is greater than with one arm, because guesses are
+farther from the solution: a quarter fewer iterations."""
 
 TRUST_SHARE = 0.35
-"""Maximum relative change of a duration in a round; twice that, as a share of the longest phase, is
-the maximum change of a wait."""
+"""Maximum relative change of a duration; twice that, as a share of the longest phase, is the
+maximum change of a wait."""
 
-SCAN_STEP_S, SCAN_INSTANTS = 0.25, 70
-"""Step of the delays of a start that are tried, and number of instants of each."""
+
+MIN_INTERVALS = 4
+"""Minimum number of intervals of a phase."""
 
 
 class TrackStep(NamedTuple):
@@ -96,12 +96,15 @@ class ArmTrack:
         obstacles: around each phase.
         steps: phases and gripper actions, in order.
         grip_s: duration of a gripper action.
+        strays: in which phases a motion breaks its constraints between knots, so that more
+            intervals are needed.
     """
 
     track: Track
     obstacles: tuple[Obstacles, ...]
     steps: tuple[TrackStep, ...]
     grip_s: float
+    strays: Callable[[Motions], Sequence[bool]]
 
     @property
     def phases(self) -> tuple[Phase, ...]:
@@ -113,10 +116,24 @@ class ArmTrack:
         """The numbers of the phases that begin at rest, before which the arm may wait."""
         return [0, *(k + 1 for k, phase in enumerate(self.phases[:-1]) if phase.rests)]
 
+    def with_intervals(self, factors: Sequence[float]) -> ArmTrack:
+        """The same track with a multiple of the number of intervals in each phase."""
+        phases = tuple(
+            phase._replace(intervals=max(MIN_INTERVALS, round(factor * phase.intervals)))
+            for phase, factor in zip(self.phases, factors, strict=True)
+        )
+        program = track_program(phases, len(self.track.limits.names))
+        return replace(self, track=self.track._replace(program=program))
+
+    def timed(self, motions: Motions, waits_s: FloatArray) -> Timed:
+        """Motions as a guess, with as many intervals as its phases have."""
+        intervals = (phase.intervals for phase in self.phases)
+        return Timed(tuple(Sketch.of_each(motions, intervals)), waits_s)
+
     def bounds(self, sketches: Sequence[Sketch]) -> list[LinearBounds]:
         """Bounds on the distances from its own obstacles near a motion."""
         pairs = zip(self.obstacles, sketches, strict=True)
-        return [near.bounds(sketch.controls) for near, sketch in pairs]
+        return [near.bounds(sketch.controls, OWN_REACH_M) for near, sketch in pairs]
 
 
 class Timed(NamedTuple):
@@ -130,9 +147,49 @@ class Timed(NamedTuple):
     sketches: tuple[Sketch, ...]
     waits_s: FloatArray
 
+    def later(self, delay_s: float) -> Timed:
+        """The same after a longer wait at the start."""
+        waits_s = self.waits_s.copy()
+        waits_s[0] += delay_s
+        return self._replace(waits_s=waits_s)
+
+    def towards(self, other: Timed, share: float) -> Timed:
+        """A guess between this one and another, which has as many intervals."""
+        return Timed(
+            tuple(a.towards(b, share) for a, b in zip(self.sketches, other.sketches, strict=True)),
+            (1.0 - share) * self.waits_s + share * other.waits_s,
+        )
+
+
+class Near(NamedTuple):
+    """Motions of both arms with the distances near them.
+
+    Attributes:
+        timed: of the left and the right arm.
+        bounds: on the distances from each arm's own obstacles, in each phase.
+        cost_s: what is minimised: the makespan, and a share of both tracks' durations.
+        missing: distances that are missing, weighted, in units of time.
+        excess_m: the smallest excess of all distances.
+    """
+
+    timed: tuple[Timed, ...]
+    bounds: tuple[list[LinearBounds], ...]
+    cost_s: float
+    missing: float
+    excess_m: float
+
+    @property
+    def unit_s(self) -> float:
+        """The unit of time: the longest phase."""
+        return _unit_s(self.timed)
+
+    def merit_s(self, unit_s: float) -> float:
+        """The cost, and that of missing distances, as the program weighs them."""
+        return self.cost_s + unit_s * self.missing
+
 
 class Solution(NamedTuple):
-    """Motions of both arms that look clear.
+    """Motions of both arms.
 
     Attributes:
         motions: of the left and the right arm, one for each phase.
@@ -145,7 +202,7 @@ class Solution(NamedTuple):
     makespan_s: float
 
 
-class _Clock:
+class Clock:
     """When one track is where.
 
     Attributes:
@@ -222,92 +279,83 @@ class JointProgram:
         self._shortfalls = self._makespan + 1 + np.arange(INSTANTS)
         self._count = self._makespan + 1 + INSTANTS
 
-    def merit_s(self, guess: Sequence[Timed]) -> float:
-        """Makespan of a guess plus the cost of missing distances, as the program weighs them."""
-        clocks = self._clocks(guess)
-        end_s = max(clock.end_s for clock in clocks)
-        times = np.linspace(0.0, end_s, SCAN_INSTANTS)
-        qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
-        missing_m = 0.0
-        for near, where in self._by_state(clocks, times):
-            missing_m -= float(near.least_m(qs[where], 0.0).sum())
-        return end_s + SHORTFALL_PER_M * missing_m * INSTANTS / SCAN_INSTANTS * _unit_s(guess)
+    @property
+    def arms(self) -> tuple[ArmTrack, ArmTrack]:
+        """The tracks, left and right."""
+        return self._arms
 
-    def excess_m(self, guess: Sequence[Timed]) -> float:
-        """The smallest excess of the distances between both arms at the instants, m."""
-        clocks = self._clocks(guess)
-        times = np.linspace(0.0, max(clock.end_s for clock in clocks), INSTANTS)
-        qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
-        return min(
-            float(near.least_m(qs[where], 0.1).min())
-            for near, where in self._by_state(clocks, times)
+    def with_intervals(self, factors: Sequence[Sequence[float]]) -> JointProgram:
+        """The same program with multiples of the numbers of intervals, by track and phase."""
+        left, right = (
+            arm.with_intervals(of_arm) for arm, of_arm in zip(self._arms, factors, strict=True)
         )
+        return JointProgram((left, right), self._across)
 
-    def solutions(self, guess: Sequence[Timed]) -> Iterator[Solution]:
-        """Solutions near a guess that look clear, each found from the one before.
+    def timed(self, solution: Solution) -> tuple[Timed, ...]:
+        """A solution as a guess."""
+        each = zip(self._arms, solution.motions, solution.waits_s, strict=True)
+        return tuple(arm.timed(motions, waits_s) for arm, motions, waits_s in each)
 
-        It ends when the makespan has settled, or after too many rounds.
+    def resampled(self, guess: Sequence[Timed]) -> tuple[Timed, ...]:
+        """A guess with other numbers of intervals as one of this program."""
+        found = []
+        for arm, (sketches, waits_s) in zip(self._arms, guess, strict=True):
+            limits = arm.track.limits
+            motions = tuple(trajectory_of(s.controls, s.duration_s, limits) for s in sketches)
+            found.append(arm.timed(motions, waits_s))
+        return tuple(found)
+
+    def near(self, guess: Sequence[Timed]) -> Near:
+        """The distances near a guess."""
+        bounds = tuple(arm.bounds(t.sketches) for arm, t in zip(self._arms, guess, strict=True))
+        clocks = self.clocks(guess)
+        ends_s = [clock.end_s for clock in clocks]
+        times = np.linspace(0.0, max(ends_s), INSTANTS)
+        qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
+        numbers = [clock.episodes_at(times) for clock in clocks]
+        excess_m = self.least_m(numbers, qs)
+        own = [each for of_arm in bounds for each in of_arm]
+        missing = SHORTFALL_PER_M * float(-excess_m.clip(max=0.0).sum())
+        missing += motion_program.SHORTFALL_PER_M * sum(each.missing_m for each in own)
+        least_m = min(float(excess_m.min()), *(each.excess_m for each in own))
+        cost_s = max(ends_s) + OWN_SHARE * sum(ends_s)
+        return Near(tuple(guess), bounds, cost_s, missing, least_m)
+
+    def least_m(self, episodes: Sequence[Indices], qs: FloatArray) -> FloatArray:
+        """The smallest excess of the distances between both arms, at most zero, shape (n,), m.
+
+        Args:
+            episodes: of the left and the right hand, shape (n,) each.
+            qs: both arms' configurations, shape (n, 14), rad.
         """
-        timed, trust, share = tuple(guess), TRUST_RAD, TRUST_SHARE
-        failures, last_s, last_clear = 0, np.inf, MAX_ROUNDS
-        bounds = [arm.bounds(t.sketches) for arm, t in zip(self._arms, timed, strict=True)]
-        for number in range(1, MAX_ROUNDS + 1):
-            solved = self._solved(timed, bounds, trust, share)
-            if solved is None:
-                failures += 1
-                trust, share = TRUST_DECAY * trust, TRUST_DECAY * share
-                if failures > MAX_FAILURES:
-                    return
-                continue
-            timed = tuple(
-                Timed(tuple(Sketch.of_each(motions, (p.intervals for p in arm.phases))), waits)
-                for arm, motions, waits in zip(
-                    self._arms, solved.motions, solved.waits_s, strict=True
-                )
-            )
-            bounds = [arm.bounds(t.sketches) for arm, t in zip(self._arms, timed, strict=True)]
-            own_m = min(each.excess_m for of_arm in bounds for each in of_arm)
-            between_m = self.excess_m(timed)
-            logger.debug(
-                "round %d: %.3f s, excess %.1f mm between the arms, %.1f mm elsewhere",
-                *(number, solved.makespan_s, 1e3 * between_m, 1e3 * own_m),
-            )
-            excess_m = min(own_m, between_m)
-            if number > MAX_ROUNDS // 2:
-                trust, share = TRUST_DECAY * trust, TRUST_DECAY * share
-            if excess_m > -MARGIN_TOLERANCE_M:
-                yield solved
-                if abs(solved.makespan_s - last_s) < SETTLED * solved.makespan_s:
-                    return
-                last_s, last_clear = solved.makespan_s, number
-            if number >= last_clear + MAX_IN_VAIN:
-                return
+        found = np.zeros(len(qs))
+        for near, where in self._by_state(episodes):
+            found[where] = near.least_m(qs[where], 0.0)
+        return found
 
-    def _clocks(self, guess: Sequence[Timed]) -> list[_Clock]:
-        return [_Clock(arm, timed) for arm, timed in zip(self._arms, guess, strict=True)]
+    def clocks(self, guess: Sequence[Timed]) -> list[Clock]:
+        """When each track is where."""
+        return [Clock(arm, timed) for arm, timed in zip(self._arms, guess, strict=True)]
 
-    def _by_state(
-        self, clocks: Sequence[_Clock], times_s: FloatArray
-    ) -> Iterator[tuple[Obstacles, Indices]]:
-        """Numbers of the times at which both hands have the same states, with the obstacles."""
-        episodes = np.stack([clock.episodes_at(times_s) for clock in clocks], axis=1)
-        kinds, kind = np.unique(episodes, axis=0, return_inverse=True)
+    def _by_state(self, episodes: Sequence[Indices]) -> Iterator[tuple[Obstacles, Indices]]:
+        """Numbers of the places at which both hands have the same states, with the obstacles."""
+        kinds, kind = np.unique(np.stack(episodes, axis=1), axis=0, return_inverse=True)
         for number, (left, right) in enumerate(kinds.tolist()):
             near = self._across.obstacles((left, right), EXTRA_MARGIN_M)
             yield near, np.flatnonzero(kind.reshape(-1) == number)
 
-    def _solved(
-        self,
-        guess: Sequence[Timed],
-        bounds: Sequence[Sequence[LinearBounds]],
-        trust_rad: float,
-        trust_share: float,
-    ) -> Solution | None:
-        """The fastest motions near a guess, or None."""
-        unit_s, tracks = _unit_s(guess), [arm.track for arm in self._arms]
+    def solved(self, near: Near, trust: float) -> Solution | None:
+        """The fastest motions near others, or None.
+
+        Args:
+            near: these motions.
+            trust: share of the usual maximum changes, above zero, at most one.
+        """
+        guess, unit_s, trust_share = near.timed, near.unit_s, trust * TRUST_SHARE
+        tracks = [arm.track for arm in self._arms]
         parts = [
-            track.program.part(timed.sketches, track, unit_s, Clearances(near, trust_rad))
-            for track, timed, near in zip(tracks, guess, bounds, strict=True)
+            track.program.part(timed.sketches, track, unit_s, Clearances(bounds, trust * TRUST_RAD))
+            for track, timed, bounds in zip(tracks, guess, near.bounds, strict=True)
         ]
         x0, low, high = (
             np.concatenate([part.inputs[name] for part in parts]) for name in ("x0", "lbx", "ubx")
@@ -316,14 +364,14 @@ class JointProgram:
             T = first + track.program.unknowns.durations
             low[T] = np.maximum(low[T], x0[T] / (1.0 + trust_share))
             high[T] = np.minimum(high[T], x0[T] * (1.0 + trust_share))
-        clocks, waits = self._clocks(guess), np.concatenate([each.waits_s for each in guess])
+        clocks, waits = self.clocks(guess), np.concatenate([each.waits_s for each in guess])
         further = np.zeros(self._count - self._own)
         further[: len(waits)] = waits / unit_s
         further[len(waits)] = max(clock.end_s for clock in clocks) / unit_s
         low_further, high_further = np.zeros_like(further), np.full_like(further, MAX_DURATION)
-        near = further[: len(waits)]
-        low_further[: len(waits)] = np.maximum(0.0, near - 2.0 * trust_share)
-        high_further[: len(waits)] = near + 2.0 * trust_share
+        given = further[: len(waits)]
+        low_further[: len(waits)] = np.maximum(0.0, given - 2.0 * trust_share)
+        high_further[: len(waits)] = given + 2.0 * trust_share
         high_further[len(waits) + 1 :] = MAX_SHORTFALL_M
         x0 = np.concatenate([x0, further])
         matrix, least = self._coupling(clocks, x0, unit_s)
@@ -358,7 +406,7 @@ class JointProgram:
         return Solution(motions, waits_s, float(max(ends)))
 
     def _coupling(
-        self, clocks: Sequence[_Clock], x0: FloatArray, unit_s: float
+        self, clocks: Sequence[Clock], x0: FloatArray, unit_s: float
     ) -> tuple[ca.DM, FloatArray]:
         """Rows `matrix @ x >= least`: distances of the arms at instants, and the makespan."""
         times = np.linspace(0.0, max(clock.end_s for clock in clocks), INSTANTS)
@@ -366,7 +414,7 @@ class JointProgram:
         qs = np.concatenate([q for q, _ in states], axis=1)
         places = [clock.at(times) for clock in clocks]
         rows = _LinearRows()
-        for near, where in self._by_state(clocks, times):
+        for near, where in self._by_state([clock.episodes_at(times) for clock in clocks]):
             for i, found in zip(where.tolist(), near.nearest(qs[where], PAIRS), strict=True):
                 for excess, slope in found:
                     row = rows.new(excess)
@@ -445,7 +493,7 @@ def _unit_s(guess: Sequence[Timed]) -> float:
     return max(sketch.duration_s for timed in guess for sketch in timed.sketches)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def track_program(phases: tuple[Phase, ...], joints: int) -> MotionProgram:
     """The program of a track; the last ones that were built are kept."""
-    return MotionProgram(phases, joints, options={"ipopt.max_iter": MAX_ITERATIONS})
+    return MotionProgram(phases, joints, options=OPTIONS)

@@ -114,23 +114,24 @@ class ToyObstacles(Obstacles):
 
     space: ToySpace
 
-    def bounds(self, controls: FloatArray) -> LinearBounds:
+    def bounds(self, controls: FloatArray, reach_m: float = REACH_M) -> LinearBounds:
         """In the middle of each interval, shape (n + 3, 7)."""
         weights = weights_at(np.array([0.5]))
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
         qs = windows @ weights[0]
         numbers = np.zeros((len(qs), PAIRS, qs.shape[1] + 1))
-        numbers[:, :, -1] = REACH_M
+        numbers[:, :, -1] = reach_m
         step = 1e-6 * np.eye(qs.shape[1])[:2]
-        least = np.inf
+        least: list[float] = []
         for q, rows in zip(qs, numbers, strict=True):
+            least.append(reach_m)
             for row, thing in zip(rows, self.space.things, strict=False):
                 excess = thing.distance(q) - self.space.margin_m
                 ahead = [thing.distance(q + one) - thing.distance(q - one) for one in step]
                 row[:2] = np.array(ahead) / 2e-6
                 row[-1] = excess - row[:2] @ q[:2]
-                least = min(least, excess)
-        return LinearBounds(np.tile(weights, (len(qs), 1)), numbers, least)
+                least[-1] = min(least[-1], excess)
+        return LinearBounds(np.tile(weights, (len(qs), 1)), numbers, np.array(least))
 
 
 DISC = Disc(0.0, 0.0, 0.8)

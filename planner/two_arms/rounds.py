@@ -1,0 +1,119 @@
+"""Rounds of the joint program: fast motions of both arms from a guess in which they may overlap.
+
+Distances are linearised, so each round is solved within a trust region around the last motions.
+Progress is measured by a merit: the makespan plus the cost of the distances that are missing, as
+the program weighs them. Of several steps towards a solution, the first one with a smaller merit is
+taken; if there is none, the trust region shrinks. Without this, arms whose hulls overlap by
+centimetres jump through each other, as the hulls' distances then point to the other side.
+
+First, phases have half as many intervals: that takes a third of the time, and decides which arm
+passes first and where. Then all intervals are solved for, and, where an arm leaves a line between
+knots, twice as many there.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+from planner.motion.program.motion_program import EXTRA_MARGIN_M
+from planner.two_arms.program import JointProgram, Solution, Timed
+
+logger = logging.getLogger(__name__)
+
+COARSE = 0.5
+"""Share of the intervals that are solved for first."""
+
+MAX_COARSE, MAX_FINE, MAX_REFINED = 14, 6, 3
+"""Maximum number of rounds with few intervals, and with all of them; and how often these are solved
+for again with more intervals on lines."""
+
+STEPS, GROWTH, SHRINKING, MIN_TRUST = (1.0, 0.5, 0.25), 1.5, 0.25, 0.03
+"""Steps towards a solution; factors of the trust region after a step, relative to it, and where
+none is good; and its minimum."""
+
+FINE_TRUST = 0.3
+"""The trust region at first when a solution with few intervals is near."""
+
+LEAST_EXCESS_M = 0.0005 - EXTRA_MARGIN_M
+"""Minimum excess of motions that look clear: at the instants, hulls keep half a millimetre more
+than the required distance. The caller proves what is between."""
+
+SETTLED = 0.01
+"""Share of the merit by which it must fall for another round from motions that look clear."""
+
+
+def solutions(program: JointProgram, guess: Sequence[Timed]) -> list[Solution]:
+    """Solutions near a guess that look clear, the fastest first; empty where none are found."""
+    halves = [[COARSE] * len(arm.phases) for arm in program.arms]
+    coarse = program.with_intervals(halves)
+    rounds = _Rounds(coarse, coarse.resampled(guess), 1.0)
+    rounds.run(MAX_COARSE)
+    for _ in range(1 + MAX_REFINED):
+        if not rounds.clear:
+            break
+        rounds = _Rounds(program, program.resampled(rounds.near.timed), FINE_TRUST)
+        rounds.run(MAX_FINE)
+        strays = [_strays(program, solution) for solution in rounds.clear]
+        each = zip(rounds.clear, strays, strict=True)
+        kept = [solution for solution, of_arms in each if not any(map(any, of_arms))]
+        if kept:
+            return sorted(kept, key=lambda solution: solution.makespan_s)
+        if strays:
+            program = program.with_intervals([[1.0 + s for s in of_arm] for of_arm in strays[-1]])
+    return []
+
+
+def _strays(program: JointProgram, solution: Solution) -> list[list[bool]]:
+    """In which phases of each arm a solution breaks its constraints between knots."""
+    each = zip(program.arms, solution.motions, strict=True)
+    return [list(arm.strays(motions)) for arm, motions in each]
+
+
+class _Rounds:
+    """Motions that get better from round to round.
+
+    Attributes:
+        near: the last motions.
+        clear: solutions that look clear.
+    """
+
+    def __init__(self, program: JointProgram, guess: Sequence[Timed], trust: float) -> None:
+        self._program, self._trust = program, trust
+        self.near, self.clear = program.near(guess), list[Solution]()
+
+    def run(self, most: int) -> None:
+        """Solve until the merit has settled, up to a number of times."""
+        for number in range(1, most + 1):
+            before_s = self.near.merit_s(self.near.unit_s)
+            solution = self._program.solved(self.near, self._trust)
+            if solution is None:
+                logger.debug("round %d: no solution", number)
+                self._trust *= SHRINKING
+            else:
+                step = self._step(solution)
+                logger.debug(
+                    "round %d: %.3f s, step %g, merit %.3f s -> %.3f s, excess %.1f mm, trust %.2f",
+                    *(number, solution.makespan_s, step, before_s),
+                    *(self.near.merit_s(self.near.unit_s), 1e3 * self.near.excess_m, self._trust),
+                )
+            after_s = self.near.merit_s(self.near.unit_s)
+            if self.clear and before_s - after_s < SETTLED * before_s:
+                return
+            if self._trust < MIN_TRUST:
+                return
+
+    def _step(self, solution: Solution) -> float:
+        """Take the first step that has a smaller merit; return it, or zero."""
+        unit_s, goal = self.near.unit_s, self._program.timed(solution)
+        for step in STEPS:
+            timed = [a.towards(b, step) for a, b in zip(self.near.timed, goal, strict=True)]
+            near = self._program.near(timed)
+            if step == STEPS[0] and near.excess_m > LEAST_EXCESS_M:
+                self.clear.append(solution)
+            if near.merit_s(unit_s) < self.near.merit_s(unit_s):
+                self.near = near
+                self._trust = min(1.0, GROWTH * step * self._trust)
+                return step
+        self._trust *= SHRINKING
+        return 0.0
