@@ -1,4 +1,4 @@
-"""Rows over boxes of joint angles: clusters keep apart at all angles that a lagging arm may have.
+"""Rows over boxes of joint angles: clusters keep apart at all angles that lagging arms may have.
 
 A row is a box of joint angles, two clusters and a direction n, fixed in the frame that carries the
 second. For a pair of points, the gap n . (a - b) is c + A cos q + B sin q as a function of any one
@@ -7,6 +7,10 @@ By the lemma of `motion`, on an interval of width w it is at least the smaller o
 minus |n| rho w^2 / 8. Applied to one joint after another: the gap anywhere in a box is at least the
 smallest value at its corners minus |n| times the sum of rho_i w_i^2 / 8. Only the joints between
 both frames count, so there are at most 2^7 corners. As in `rows`, any direction is sound.
+
+Between two arms, on a chain of 14 joints that passes base in between (`Joints.base`), n is fixed in
+base. Then n . a depends on the joints of one arm alone, and n . b on those of the other, and the
+lemma holds for each of them: there are at most 2^7 corners for each cluster, not 2^14 for both.
 
 A tube bounds the angles of each joint at some instants. Letters lead through the pairs and the
 tube, level by level: each open task (a pair of clusters and a box) is separated, or replaced by
@@ -24,7 +28,6 @@ import numpy as np
 from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.errors import require
 from planner.certificate.intervals import Array, norm_bound
-from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Joints, Pair
 
 SEPARATED, CUT_FIRST, CUT_SECOND, CUT_TIME, CUT_JOINT = range(5)
@@ -43,7 +46,7 @@ class Tube:
     """Bounds on joint angles at instants; between two instants, the hull of their bounds.
 
     Attributes:
-        low: lower bounds at n + 1 instants, shape (n + 1, 7), rad.
+        low: lower bounds at n + 1 instants, shape (n + 1, joints), rad.
         high: upper bounds, likewise.
     """
 
@@ -51,7 +54,7 @@ class Tube:
     high: Array
 
     def hull(self, first: int, last: int) -> tuple[Array, Array]:
-        """Bounds between two instants, given by their numbers; two arrays of shape (7,), rad."""
+        """Bounds between two instants, by their numbers; two arrays of shape (joints,), rad."""
         some = slice(first, last + 1)
         return self.low[some].min(axis=0), self.high[some].max(axis=0)
 
@@ -64,7 +67,7 @@ class Boxes:
         pair: numbers of the pairs.
         first, second: nodes.
         start, end: numbers of the instants between which the joints are in the box.
-        low, high: bounds of the joints, shape (n, 7), rad.
+        low, high: bounds of the joints, shape (n, joints), rad.
     """
 
     pair: Nodes
@@ -159,15 +162,16 @@ def box_rows(
         NotCertifiedError: when the trace is malformed.
     """
     boxes, parts, read = Boxes.of(pairs, tube), [], 0
-    require((trace.letters >= 0) & (trace.letters < CUT_JOINT + ARM_JOINTS), "an unknown letter")
+    letters = CUT_JOINT + tube.low.shape[1]
+    require((trace.letters >= 0) & (trace.letters < letters), "an unknown letter")
     while len(boxes):
-        letters = trace.letters[read : read + len(boxes)]
-        require(len(letters) == len(boxes), "the trace ends too soon")
+        own = trace.letters[read : read + len(boxes)]
+        require(len(own) == len(boxes), "the trace ends too soon")
         read += len(boxes)
-        is_apart = letters == SEPARATED
+        is_apart = own == SEPARATED
         parts.append(boxes.only(np.flatnonzero(is_apart)))
         at = np.flatnonzero(~is_apart)
-        boxes = boxes.only(at).halves(letters[at], clusters, tube)
+        boxes = boxes.only(at).halves(own[at], clusters, tube)
     rows = Boxes.joined(parts) if parts else boxes
     require(read == len(trace.letters), "the trace goes on after the tube")
     require(len(rows) == len(trace.directions), "directions do not fit the letters")
@@ -180,11 +184,14 @@ def box_gaps_m(
     """The conclusions of rows: lower bounds on the distance in each box, shape (k,), m.
 
     Args:
-        robot: the arm that moves.
+        robot: the arm that moves, or both.
         clusters: all trees.
         pairs: the pairs that the rows refer to; the first mover of each is on the later joint.
         boxes: the rows.
         n: a direction for each, shape (k, 3), of any non-zero length.
+
+    Raises:
+        NotCertifiedError: when a direction, or a pair, is malformed.
     """
     length = norm_bound(n)
     require((length > 1e-6) & np.isfinite(length), "a direction is zero or not finite")
@@ -200,14 +207,14 @@ def box_gaps_m(
         own = np.flatnonzero((level[boxes.pair] == (m, k)).all(axis=1))
         own = own[np.argsort(boxes.first[own], kind="stable")]  # supports of one node at once
         for rows in np.split(own, range(CHUNK, len(own), CHUNK)):
-            some = boxes.only(rows)
-            d, offsets = _at_corners(robot, some, n[rows], m, k)
-            corners = d.shape[1]
-            lowest = clusters.lowest(np.repeat(some.first, corners), d.reshape(-1, 3))
-            at = offsets + d[..., 1] * slide[some.pair, 0, None] + lowest.reshape(-1, corners)
-            highest = clusters.lowest(some.second, -n[rows]) - n[rows, 1] * slide[some.pair, 1]
-            gaps[rows] = at.min(axis=1) + highest
-    sag = _sags_m(robot, clusters, boxes, level[boxes.pair], slide[boxes.pair, 0])
+            some, base = boxes.only(rows), min(max(robot.base, m), k)
+            onward = _at_corners(robot, some, n[rows], range(base, k))
+            back = _at_corners(robot, some, -n[rows], range(base - 1, m - 1, -1))
+            gaps[rows] = sum(
+                _lowest(clusters, nodes, corners, slide[some.pair, side])
+                for side, (nodes, corners) in enumerate(((some.first, onward), (some.second, back)))
+            )
+    sag = _sags_m(robot, clusters, boxes, level[boxes.pair], slide[boxes.pair])
     error = np.abs(n).sum(axis=1) * (ROUNDING_M + 4.0 * clusters.rounding_m)
     found = gaps - error - sag * length
     shorter = length * (1.0 - 1e-12)  # a gap below zero is divided by less
@@ -215,29 +222,65 @@ def box_gaps_m(
     return least
 
 
-def _at_corners(robot: Joints, boxes: Boxes, n: Array, m: int, k: int) -> tuple[Array, Array]:
-    """Directions seen from joint k at all corners, (rows, 2^(k - m), 3), and n . (its origin)."""
+def _at_corners(robot: Joints, boxes: Boxes, n: Array, joints: range) -> tuple[Array, Array]:
+    """Directions at all corners of boxes, and their products with an origin.
+
+    Args:
+        robot: the arm that moves, or both.
+        boxes: the rows.
+        n: directions in the frame from which the joints lead, shape (rows, 3).
+        joints: that are passed, onwards or, with a step of -1, backwards.
+
+    Returns:
+        Directions seen from the frame to which the joints lead, shape (rows, corners, 3), and
+        n . (its origin), shape (rows, corners).
+    """
     d, offsets = n[:, None], np.zeros((len(n), 1))
-    for joint in range(m, k):
+    for joint in joints:
         span = robot.spans[joint]
         R, p = span.R.centred()[0], span.p.centred()[0]
-        offsets, d = offsets + d @ p, d @ R
+        if joints.step > 0:
+            offsets, d = offsets + d @ p, d @ R
         ends = []
         for q in (boxes.low[:, joint, None], boxes.high[:, joint, None]):
-            c, s = np.cos(q), np.sin(q)
+            c, s = np.cos(q), joints.step * np.sin(q)
             x, y = d[..., 0], d[..., 1]
             ends.append(np.stack([c * x + s * y, c * y - s * x, d[..., 2]], axis=-1))
         d, offsets = np.concatenate(ends, axis=1), np.tile(offsets, (1, 2))
+        if joints.step < 0:
+            d = d @ R.T
+            offsets = offsets - d @ p
     return d, offsets
 
 
+def _lowest(
+    clusters: Clusters, nodes: Nodes, corners: tuple[Array, Array], slide_m: Array
+) -> Array:
+    """The smallest product of a direction with a point of a cluster at any corner, (rows,)."""
+    d, offsets = corners
+    lowest = clusters.lowest(np.repeat(nodes, d.shape[1]), d.reshape(-1, 3))
+    at = offsets + d[..., 1] * slide_m[:, None] + lowest.reshape(offsets.shape)
+    least: Array = at.min(axis=1)
+    return least
+
+
 def _sags_m(robot: Joints, clusters: Clusters, boxes: Boxes, level: Nodes, slide: Array) -> Array:
-    """The sum of rho_i w_i^2 / 8 over the joints between both frames, shape (k,)."""
-    rho, sag = clusters.reaches_m(boxes.first) + np.abs(slide), np.zeros(len(boxes))
-    for joint in range(ARM_JOINTS - 1, -1, -1):
-        counts = (level[:, 0] <= joint) & (joint < level[:, 1])
-        w = boxes.high[:, joint] - boxes.low[:, joint]
-        sag = np.where(counts, sag + rho * w**2 / 8.0, sag)
+    """The sum of rho_i w_i^2 / 8 over the joints between both frames, shape (k,).
+
+    From base, or the frame that carries the second cluster, the first is on the joints that follow,
+    and the second on those before, if there are any.
+    """
+    sag, eighths = np.zeros(len(boxes)), (boxes.high - boxes.low) ** 2 / 8.0
+    base = np.clip(robot.base, level[:, 0], level[:, 1])
+    rho = clusters.reaches_m(boxes.first) + np.abs(slide[:, 0])
+    for joint in range(eighths.shape[1] - 1, -1, -1):
+        counts = (base <= joint) & (joint < level[:, 1])
+        sag = np.where(counts, sag + rho * eighths[:, joint], sag)
         rho = np.where(counts, rho + robot.offsets[joint], rho)
+    rho = clusters.reaches_m(boxes.second) + np.abs(slide[:, 1])
+    for joint in range(robot.base):
+        counts = (level[:, 0] <= joint) & (joint < base)
+        rho = np.where(counts, rho + robot.offsets[joint], rho)
+        sag = np.where(counts, sag + rho * eighths[:, joint], sag)
     widened: Array = sag * (1.0 + 1e-9)
     return widened

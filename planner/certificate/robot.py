@@ -80,6 +80,7 @@ class Robot:
         v_max: their limits of velocity, shape (7,), rad/s.
         spans: poses of joint i + 1 seen from joint i at position 0, the first seen from base.
         offsets: upper bounds on the lengths of their translations, shape (7,), m.
+        base: number of joints before base, none.
         tip: pose of the tip seen from the last joint.
         sliding: all links on joints that slide.
         fingers: the two fingers of this arm, by name, each with the sign of its travel along y.
@@ -88,6 +89,8 @@ class Robot:
         along: direction of the fingers' travel, seen from the last joint, shape (3,).
         skew: distance of that from y, where the joint is not square to its link.
     """
+
+    base = 0
 
     def __init__(self, text: str, limb: str) -> None:
         """Read a URDF.

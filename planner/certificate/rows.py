@@ -55,6 +55,10 @@ class Joints(Protocol):
     def offsets(self) -> Array:
         """Upper bounds on the lengths of their translations, shape (n,), m."""
 
+    @property
+    def base(self) -> int:
+        """Number of joints before base: 0, or those of an arm that is passed backwards."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mover:

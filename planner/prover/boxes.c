@@ -1,28 +1,29 @@
-/* Finds rows over boxes of the joint angles of one arm; planner.certificate.boxes has the lemma. Compiled together
-   with rows.c, whose clusters, views and distances it uses.
+/* Finds rows over boxes of the joint angles of one arm or both; planner.certificate.boxes has the lemma. Compiled
+   together with rows.c, whose clusters, views and distances it uses.
 
    A task is a pair of clusters and a box: what a tube allows each joint between two of its instants,
    or a part of that. It is separated by a direction, fixed in the frame that carries the second
-   cluster, when the gap that the direction leaves at the corners of the box, less the sag, is above
+   cluster, or in base where that is between both clusters, when the gap that the direction leaves at the corners of the box, less the sag, is above
    what the pair must keep; else a cluster or the box is cut. Tasks are handled level by level.
 
    As in rows.c, nothing of it is trusted, and any number of threads may search. */
 
 enum { SEPARATED, BOX_CUT_FIRST, BOX_CUT_SECOND, BOX_CUT_TIME, BOX_CUT_JOINT };
-enum { JOINTS = 7, SPANS = JOINTS * (JOINTS + 1) / 2, CORNERS = 1 << JOINTS, MAX_BOXES = 60000, LOOKS = 9 };
+enum { JOINTS = 7, BOTH = 2 * JOINTS, SPANS = BOTH * (BOTH + 1) / 2, CORNERS = 1 << JOINTS, MAX_BOXES = 60000, LOOKS = 9 };
 
 static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost this share of what the box costs */
 static const double OF_MOTION = 0.7;   /* time is halved where motion is this share of the widest joint */
 
 typedef struct {
     int32_t instants, shortest;  /* spans of at most `shortest` cells are marked when not separated */
-    const double *low, *high;    /* shape (instants, 7) */
+    int32_t base;                /* number of joints before base; at most 7, as those after it */
+    const double *low, *high;    /* shape (instants, joints) */
 } Tube;
 
 typedef struct {
     int32_t pair, first, last, has_n;
     Cluster a, b;
-    double low[JOINTS], high[JOINTS], n[3];
+    double low[BOTH], high[BOTH], n[3];
 } BoxTask;
 
 typedef struct {             /* one call */
@@ -30,7 +31,8 @@ typedef struct {             /* one call */
     Tube tube;
     double times[2];             /* no time passes in a box */
     Frame frames[2][SPANS];      /* in the middle of a box; at any position */
-    double sagging[JOINTS];      /* the share of each joint in the sag of the current box */
+    int joints;
+    double sagging[BOTH];        /* the share of each joint in the sag of the current box */
     double turned[2][3][CORNERS], offset[2][CORNERS], least[CORNERS];
     uint8_t *is_open;
     double *place;               /* position of the joints at the nearest pair */
@@ -39,7 +41,7 @@ typedef struct {             /* one call */
 typedef struct {             /* gaps at the corners of a box */
     double kept;                 /* the smallest gap */
     int corner;                  /* its corner; bit i is set where joint m + i is at its upper bound */
-    double slopes[JOINTS];       /* mean change of the gap from the lower to the upper bound of each joint */
+    double slopes[BOTH];         /* mean change of the gap from the lower to the upper bound of each joint */
 } Kept;
 
 static double asked_of_boxes(const Boxes *x) {
@@ -51,55 +53,107 @@ static void put_at(Boxes *x, int place, const double *q) {
 }
 
 /* The bounds of a tube between two instants. */
-static void hull(const Tube *tube, int first, int last, double *low, double *high) {
-    for (int i = 0; i < JOINTS; i++) low[i] = INFINITY, high[i] = -INFINITY;
-    for (int at = JOINTS * first; at <= JOINTS * last; at += JOINTS)
-        for (int i = 0; i < JOINTS; i++) {
+static void hull(const Boxes *x, int first, int last, double *low, double *high) {
+    const Tube *tube = &x->tube;
+    int joints = x->joints;
+    for (int i = 0; i < joints; i++) low[i] = INFINITY, high[i] = -INFINITY;
+    for (int at = joints * first; at <= joints * last; at += joints)
+        for (int i = 0; i < joints; i++) {
             low[i] = tube->low[at + i] < low[i] ? tube->low[at + i] : low[i];
             high[i] = tube->high[at + i] > high[i] ? tube->high[at + i] : high[i];
         }
 }
 
-/* Maximum sag of the gap between corners, the sum of rho w^2 / 8; and maximum motion of the first
-   cluster from the middle. */
+/* The frame in which the direction of a pair is fixed: base, or the nearest to it of all that the pair passes. */
+static int base_of(const Boxes *x, const Pair *pair) {
+    int base = x->tube.base;
+    return base < pair->m ? pair->m : base > pair->k ? pair->k : base;
+}
+
+/* Maximum sag of the gap between corners, the sum of rho w^2 / 8; and maximum motion of both
+   clusters from the middle. */
 static double sag_of_box(Boxes *x, const BoxTask *task, double *moved) {
     const Pair *pair = &x->s.pairs[task->pair];
+    int base = base_of(x, pair);
     double rho = reach_of(&x->s, task->a) + fmax(fabs(pair->slides[0]), fabs(pair->slides[1])), sag = 0;
     *moved = 0;
-    for (int i = pair->k - 1; i >= pair->m; i--) {
+    for (int i = pair->k - 1; i >= base; i--) {
         double w = task->high[i] - task->low[i];
         sag += x->sagging[i] = rho * w * w / 8 * (1 + 1e-8);
         *moved += rho * w / 2;
         rho += x->s.step.offsets[i];
     }
+    rho = reach_of(&x->s, task->b) + fmax(fabs(pair->slides[2]), fabs(pair->slides[3]));
+    for (int i = pair->m; i < base; i++) {
+        double w = task->high[i] - task->low[i];
+        rho += x->s.step.offsets[i];
+        sag += x->sagging[i] = rho * w * w / 8 * (1 + 1e-8);
+        *moved += rho * w / 2;
+    }
     return sag;
 }
 
-/* Turn a direction into the first cluster's frames at all corners of a box; returns their number. */
-static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int *side) {
+/* Turn a direction from the frame before joint j to the one after it, or back from there. */
+static void turn_past(const Boxes *x, int j, double q, int is_back, const double *d, double *to) {
+    const double *S = x->s.step.spans_R + 9 * j;
+    double c = cos(q), s = sin(q), y[3];
+    if (is_back) {
+        y[0] = c * d[0] - s * d[1], y[1] = c * d[1] + s * d[0], y[2] = d[2];
+        turned(S, y, to);
+    } else {
+        turned_back(S, d, y);
+        to[0] = c * y[0] + s * y[1], to[1] = c * y[1] - s * y[0], to[2] = y[2];
+    }
+}
+
+/* A direction in the frame of the second cluster, with the joints in the middle, seen from base, or back. */
+static void turn_in_middle(const Boxes *x, const BoxTask *task, int is_back, const double *n, double *to) {
     const Pair *pair = &x->s.pairs[task->pair];
-    const Placed *placed = &x->s.placed[task->a.tree];
-    int count = 1, now = 0;
+    int base = base_of(x, pair);
+    double d[3];
+    copy(n, to);
+    for (int i = pair->m; i < base; i++) {
+        int j = is_back ? base - 1 - (i - pair->m) : i;
+        copy(to, d);
+        turn_past(x, j, 0.5 * (task->low[j] + task->high[j]), is_back, d, to);
+    }
+}
+
+/* Turn a direction in base into the frames of the first or the second cluster at all corners of a box; returns their
+   number. Bit i of a corner is that of the i-th joint that is passed, counted from base. */
+static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int is_second, int *side) {
+    const Pair *pair = &x->s.pairs[task->pair];
+    const Placed *placed = &x->s.placed[is_second ? task->b.tree : task->a.tree];
+    int count = 1, now = 0, base = base_of(x, pair), passed = is_second ? base - pair->m : pair->k - base;
     for (int i = 0; i < 3; i++) x->turned[0][i][0] = n[i];
     x->offset[0][0] = 0;
-    for (int j = pair->m; j < pair->k; j++, now = 1 - now) {
+    for (int number = 0; number < passed; number++, now = 1 - now) {
+        int j = is_second ? base - 1 - number : base + number;
         const double *S = x->s.step.spans_R + 9 * j, *p = x->s.step.spans_p + 3 * j;
         double (*from)[CORNERS] = x->turned[now], (*to)[CORNERS] = x->turned[1 - now];
         double c[2] = {cos(task->low[j]), cos(task->high[j])}, s[2] = {sin(task->low[j]), sin(task->high[j])};
         for (int i = 0; i < count; i++) {
-            double d[3] = {from[0][i], from[1][i], from[2][i]}, y[3], offset = x->offset[now][i] + dot(d, p);
-            turned_back(S, d, y);
+            double d[3] = {from[0][i], from[1][i], from[2][i]}, y[3], offset = x->offset[now][i];
+            if (!is_second) {
+                offset += dot(d, p);
+                turned_back(S, d, y);
+            }
             for (int end = 0; end < 2; end++) {
                 int at = end ? count + i : i;
-                to[0][at] = c[end] * y[0] + s[end] * y[1];
-                to[1][at] = c[end] * y[1] - s[end] * y[0];
-                to[2][at] = y[2];
-                x->offset[1 - now][at] = offset;
+                double out[3];
+                if (is_second) {
+                    double back[3] = {c[end] * d[0] - s[end] * d[1], c[end] * d[1] + s[end] * d[0], d[2]};
+                    turned(S, back, out);
+                } else {
+                    out[0] = c[end] * y[0] + s[end] * y[1], out[1] = c[end] * y[1] - s[end] * y[0], out[2] = y[2];
+                }
+                for (int r = 0; r < 3; r++) to[r][at] = out[r];
+                x->offset[1 - now][at] = is_second ? offset - dot(out, p) : offset;
             }
         }
         count *= 2;
     }
-    double own[3] = {placed->p[0], placed->p[1] + pair->slides[0], placed->p[2]};
+    double own[3] = {placed->p[0], placed->p[1] + pair->slides[is_second ? 2 : 0], placed->p[2]};
     for (int i = 0; i < count; i++) {
         double d[3] = {x->turned[now][0][i], x->turned[now][1][i], x->turned[now][2][i]}, y[3];
         x->offset[now][i] += dot(d, own);
@@ -110,16 +164,17 @@ static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int *
     return count;
 }
 
-/* Gaps of a unit direction at the corners of a box. */
-static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
-    const Search *s = &x->s;
-    const Pair *pair = &s->pairs[task->pair];
-    const Placed *first = &s->placed[task->a.tree], *second = &s->placed[task->b.tree];
-    const Tree *tree = &s->trees[first->tree];
-    int side, count = turn_to_corners(x, task, n, &side), at = tree->first[task->a.node], best = at;
-    int end = at + tree->count[task->a.node];
+/* Smallest products of a direction in base with the points of one cluster of a task, without its ball, at the corners
+   of a box; adds them and their corner to what is kept. */
+static void keep_at_corners(Boxes *x, const BoxTask *task, const double *n, int is_second, Kept *kept) {
+    const Pair *pair = &x->s.pairs[task->pair];
+    const Cluster cluster = is_second ? task->b : task->a;
+    const Placed *placed = &x->s.placed[cluster.tree];
+    const Tree *tree = &x->s.trees[placed->tree];
+    int side, count = turn_to_corners(x, task, n, is_second, &side), at = tree->first[cluster.node], best = at;
+    int end = at + tree->count[cluster.node], base = base_of(x, pair), corner = 0;
     double (*d)[CORNERS] = x->turned[side], *least = x->least;
-    double mean[3] = {0}, spread = 0, lowest_of_all = INFINITY;
+    double mean[3] = {0}, spread = 0, lowest_of_all = INFINITY, smallest = INFINITY;
     for (int i = 0; i < count; i++)
         for (int r = 0; r < 3; r++) mean[r] += d[r][i] / count;
     for (int i = 0; i < count; i++) {
@@ -140,17 +195,27 @@ static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
             least[i] = height < least[i] ? height : least[i];
         }
     }
-    Kept kept = {.kept = INFINITY};
     for (int i = 0; i < count; i++) {
-        if (first->has_apex) least[i] = fmin(least[i], d[0][i] * first->apex[0] + d[1][i] * first->apex[1] + d[2][i] * first->apex[2]);
-        if (first->disc > 0) least[i] -= first->disc * sqrt(d[0][i] * d[0][i] + d[1][i] * d[1][i]);
+        if (placed->has_apex) least[i] = fmin(least[i], d[0][i] * placed->apex[0] + d[1][i] * placed->apex[1] + d[2][i] * placed->apex[2]);
+        if (placed->disc > 0) least[i] -= placed->disc * sqrt(d[0][i] * d[0][i] + d[1][i] * d[1][i]);
         least[i] += x->offset[side][i];
-        if (least[i] < kept.kept) kept.kept = least[i], kept.corner = i;
-        for (int j = pair->m; j < pair->k; j++) kept.slopes[j] += (i >> (j - pair->m) & 1 ? 2 : -2) * least[i] / count;
+        if (least[i] < smallest) smallest = least[i], corner = i;
     }
-    double reversed[3] = {-n[0], -n[1], -n[2]}, y[3];
-    turned_back(second->R, reversed, y);
-    kept.kept += lowest(s, task->b, y, NULL) - dot(n, second->p) - n[1] * pair->slides[2] - (first->ball + second->ball) * norm(n);
+    kept->kept += smallest;
+    for (int bit = 0; 1 << bit < count; bit++) {
+        int j = is_second ? base - 1 - bit : base + bit;
+        if (corner >> bit & 1) kept->corner |= 1 << (j - pair->m);
+        for (int i = 0; i < count; i++) kept->slopes[j] += (i >> bit & 1 ? 2 : -2) * least[i] / count;
+    }
+}
+
+/* Gaps of a unit direction in base at the corners of a box. */
+static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
+    const Placed *first = &x->s.placed[task->a.tree], *second = &x->s.placed[task->b.tree];
+    double reversed[3] = {-n[0], -n[1], -n[2]};
+    Kept kept = {.kept = -(first->ball + second->ball) * norm(n)};
+    keep_at_corners(x, task, n, 0, &kept);
+    keep_at_corners(x, task, reversed, 1, &kept);
     return kept;
 }
 
@@ -163,17 +228,17 @@ static double measure_place(Boxes *x, int pair, const double *q, int at) {
     between_middles(s, &whole, d);
     if (ball_gap(s, &whole, 1, d) / norm(d) >= within) return within;
     double distance = measured(s, pair, 1, within, d);
-    if (distance < s->result->nearest) memcpy(x->place, q, JOINTS * sizeof(double));
+    if (distance < s->result->nearest) memcpy(x->place, q, x->joints * sizeof(double));
     take_nearer(s, pair, at, distance);
     return distance;
 }
 
 /* Measure at some instants, in the middle of the tube. */
 static int look_along(Boxes *x) {
-    double q[JOINTS];
+    double q[BOTH];
     for (int look = 0; look < LOOKS; look++) {
         int at = (int)((int64_t)(x->tube.instants - 1) * look / (LOOKS - 1));
-        for (int i = 0; i < JOINTS; i++) q[i] = 0.5 * (x->tube.low[JOINTS * at + i] + x->tube.high[JOINTS * at + i]);
+        for (int i = 0; i < x->joints; i++) q[i] = 0.5 * (x->tube.low[x->joints * at + i] + x->tube.high[x->joints * at + i]);
         for (int pair = 0; pair < x->s.step.pairs; pair++) {
             double distance = measure_place(x, pair, q, at);
             if (distance <= x->s.step.margin) return refuse(&x->s, pair, at, distance, TOO_NEAR);
@@ -184,21 +249,22 @@ static int look_along(Boxes *x) {
 
 /* The part of a box within a tube at an instant, or the whole between neighbouring instants;
    returns whether it is not empty. */
-static int allowed_at(const Tube *tube, const BoxTask *task, int at, double *low, double *high) {
+static int allowed_at(const Boxes *x, const BoxTask *task, int at, double *low, double *high) {
+    const double *lowest = x->tube.low + (size_t)x->joints * at, *highest = x->tube.high + (size_t)x->joints * at;
     int is_any = 1;
     memcpy(low, task->low, sizeof task->low);
     memcpy(high, task->high, sizeof task->high);
-    for (int i = 0; i < JOINTS && task->last - task->first > 1; i++) {
-        low[i] = fmax(task->low[i], tube->low[JOINTS * at + i]);
-        high[i] = fmin(task->high[i], tube->high[JOINTS * at + i]);
+    for (int i = 0; i < x->joints && task->last - task->first > 1; i++) {
+        low[i] = fmax(task->low[i], lowest[i]);
+        high[i] = fmin(task->high[i], highest[i]);
         is_any = is_any && low[i] <= high[i];
     }
     return is_any;
 }
 
 /* A corner of a box for the joints between the frames of a pair, with the others in the middle. */
-static void corner_of(const Pair *pair, int corner, const double *low, const double *high, double *q) {
-    for (int i = 0; i < JOINTS; i++) {
+static void corner_of(const Boxes *x, const Pair *pair, int corner, const double *low, const double *high, double *q) {
+    for (int i = 0; i < x->joints; i++) {
         q[i] = 0.5 * (low[i] + high[i]);
         if (i >= pair->m && i < pair->k) q[i] = corner >> (i - pair->m) & 1 ? high[i] : low[i];
     }
@@ -223,10 +289,10 @@ static int is_by_box(Boxes *x, const BoxTask *task, const double *q, double goal
 static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code) {
     Search *s = &x->s;
     const Pair *pair = &s->pairs[task->pair];
-    double q[JOINTS], n[3], moved, low[JOINTS], high[JOINTS];
+    double q[BOTH], n[3], seen[3], moved, low[BOTH], high[BOTH];
     if (x->tube.shortest && !memchr(x->is_open + task->first, 0, task->last - task->first)) return SEPARATED;
     double sag = sag_of_box(x, task, &moved), spare = s->step.spare;
-    for (int i = 0; i < JOINTS; i++) q[i] = 0.5 * (task->low[i] + task->high[i]);
+    for (int i = 0; i < x->joints; i++) q[i] = 0.5 * (task->low[i] + task->high[i]);
     put_at(x, 0, q);
     Task middle = {.pair = task->pair, .a = task->a, .b = task->b};
     between_middles(s, &middle, n);
@@ -236,28 +302,30 @@ static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code)
     if (kept.kept <= goal) {
         View v = view_of(s, &middle);
         kept.kept = -FAR;
-        if (task->has_n && gap(s, &v, task->n, NULL) > goal) kept = kept_at_corners(x, task, task->n);
+        if (task->has_n) turn_in_middle(x, task, 1, task->n, seen);
+        if (task->has_n && gap(s, &v, seen, NULL) > goal) kept = kept_at_corners(x, task, task->n);
         if (kept.kept <= goal) {
             Found f;
-            copy(task->has_n ? task->n : n, f.d);
+            copy(task->has_n ? seen : n, f.d);
             separated(s, &v, goal + 2 * moved, &f); /* more is not needed anywhere in the box */
             length = norm(f.d);
-            for (int i = 0; i < 3; i++) task->n[i] = f.d[i] / length;
+            for (int i = 0; i < 3; i++) seen[i] = f.d[i] / length;
+            turn_in_middle(x, task, 0, seen, task->n);
             task->has_n = 1;
-            double apart = gap(s, &v, task->n, NULL);
+            double apart = gap(s, &v, seen, NULL);
             int is_apart = apart > goal;
             if (is_apart) kept = kept_at_corners(x, task, task->n);
             if (kept.kept <= goal) {
                 double loss = is_apart ? apart - kept.kept + sag : moved;
-                if (is_apart) corner_of(pair, kept.corner, task->low, task->high, q);
-                if (!is_by_box(x, task, q, goal, loss, task->n)) {
+                if (is_apart) corner_of(x, pair, kept.corner, task->low, task->high, q);
+                if (!is_by_box(x, task, q, goal, loss, seen)) {
                     double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a);
                     return first >= (is_leaf(s, task->b) ? 0 : extent_of(s, task->b)) ? BOX_CUT_FIRST : BOX_CUT_SECOND;
                 }
                 int cells = task->last - task->first, at = (task->first + task->last) / 2;
                 if (cells <= x->tube.shortest) return memset(x->is_open + task->first, 1, cells), SEPARATED;
-                if (x->tube.shortest || !allowed_at(&x->tube, task, at, low, high)) return BOX_CUT_TIME;
-                corner_of(pair, kept.corner, low, high, q); /* measure the distance */
+                if (x->tube.shortest || !allowed_at(x, task, at, low, high)) return BOX_CUT_TIME;
+                corner_of(x, pair, kept.corner, low, high, q); /* measure the distance */
                 double distance = measure_place(x, task->pair, q, at);
                 if (distance <= s->step.margin) return *code = refuse(s, task->pair, at, distance, TOO_NEAR), NONE;
                 double motion = 0, widest = -1;
@@ -274,9 +342,9 @@ static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code)
                 return BOX_CUT_JOINT + joint;
             }
         }
-        copy(task->n, n);
+    } else {
+        turn_in_middle(x, task, 0, n, task->n);
     }
-    copy(n, task->n);
     *conclusion = kept.kept - sag;
     return SEPARATED;
 }
@@ -292,11 +360,11 @@ static int half_box(const Boxes *x, const BoxTask *task, int letter, int side, B
         if (side) half->low[j] = middle; else half->high[j] = middle;
     }
     if (letter != BOX_CUT_TIME) return 1;
-    double low[JOINTS], high[JOINTS];
+    double low[BOTH], high[BOTH];
     int middle = (task->first + task->last) / 2, is_any = 1;
     if (side) half->first = middle; else half->last = middle;
-    hull(&x->tube, half->first, half->last, low, high);
-    for (int i = 0; i < JOINTS; i++) {
+    hull(x, half->first, half->last, low, high);
+    for (int i = 0; i < x->joints; i++) {
         half->low[i] = fmax(half->low[i], low[i]), half->high[i] = fmin(half->high[i], high[i]);
         is_any = is_any && half->low[i] <= half->high[i];
     }
@@ -309,7 +377,7 @@ static int box_levels(Boxes *x, BoxTask *tasks, BoxTask *next, uint8_t *letters,
     if (count > MAX_BOXES) return TOO_MUCH;
     for (int i = 0; i < count; i++) {
         tasks[i] = (BoxTask){.pair = i, .last = x->tube.instants - 1, .a = {x->s.pairs[i].first, 0}, .b = {x->s.pairs[i].second, 0}};
-        hull(&x->tube, 0, tasks[i].last, tasks[i].low, tasks[i].high);
+        hull(x, 0, tasks[i].last, tasks[i].low, tasks[i].high);
     }
     int code = x->tube.shortest ? PROVEN : look_along(x);
     while (count && code == PROVEN) {
@@ -349,7 +417,7 @@ int find_box_rows(const Tree *trees, const Placed *placed, const Pair *pairs, co
         x->s.times = x->times, x->s.frames = x->frames[0];
         x->s.step.pieces = 0, x->s.step.duration = 1;
         number_spans(&x->s);
-        x->tube = *tube, x->is_open = is_open, x->place = place;
+        x->tube = *tube, x->joints = step->joints, x->is_open = is_open, x->place = place;
         code = box_levels(x, tasks, tasks + MAX_BOXES, letters, directions, room);
     }
     free(x), free(tasks);

@@ -48,7 +48,7 @@ MAX_BOXES = 40_000
 SINGLE = 1.2e-7
 """Rounding of points, which are in single precision here, relative to the size of all trees."""
 
-_VERSION = 5
+_VERSION = 6
 
 MANY, CELLS = 512, 6 * 4**3
 """Nodes of `MANY` points or more have lists of them for `CELLS` cells of directions (`rows.c`)."""
@@ -76,7 +76,7 @@ class _Step(ctypes.Structure):
 
 class _Tube(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("instants", "shortest")),
+        *((name, ctypes.c_int32) for name in ("instants", "shortest", "base")),
         *((name, ctypes.c_void_p) for name in ("low", "high")),
     ]
 
@@ -219,7 +219,7 @@ class Kernel:
             slides_m = float(np.abs(pairs["slides"]).max(initial=0.0))
             reach_m = (trees.size_m + float(chain.offsets.sum()) + slides_m) * (1.0 + 1e-9)
             duration_s, slack_m = motion.duration_s, motion.slack_m(reach_m)
-        held = [np.ascontiguousarray(x, np.float64) for x in (*own, *chain)]
+        held = [np.ascontiguousarray(x, np.float64) for x in (*own, *chain[:3])]
         spare_m = SPARE_M + SINGLE * trees.size_m
         request = _Step(
             len(chain.offsets),
@@ -265,7 +265,7 @@ class Kernel:
         """Find rows that show that pairs of trees keep apart at all positions in a tube.
 
         Args:
-            chain: the arm that moves.
+            chain: the arm that moves, or both, of which one is passed backwards to base.
             trees: all clusters.
             pairs: of type `PAIR`, shape (n,), all counted; their windows and gaps are not used.
             tube: bounds on its joints.
@@ -294,13 +294,13 @@ class Kernel:
         asked: tuple[float, float],
     ) -> tuple[BoxesFound, NDArray[np.bool_]]:
         tube, shortest = bounds
-        if len(chain.offsets) != ARM_JOINTS:
-            raise ValueError(f"a tube is of one arm; the chain has {len(chain.offsets)} joints")
+        if max(chain.base, chain.joints - chain.base) > ARM_JOINTS:
+            raise ValueError(f"a tube is of one arm or two; the chain has {chain.joints} joints")
         spare_m = SPARE_M + SINGLE * trees.size_m
-        held = [np.ascontiguousarray(x, np.float64) for x in (*chain, tube.low, tube.high)]
+        held = [np.ascontiguousarray(x, np.float64) for x in (*chain[:3], tube.low, tube.high)]
         at = [array.ctypes.data for array in held]
         request = _Step(
-            joints=ARM_JOINTS,
+            joints=chain.joints,
             pairs=len(pairs),
             duration=1.0,
             spare=spare_m,
@@ -310,9 +310,10 @@ class Kernel:
             spans_p=at[1],
             offsets=at[2],
         )
-        allowed = _Tube(len(tube.low), shortest, *at[3:])
+        allowed = _Tube(len(tube.low), shortest, chain.base, *at[3:])
         letters, directions = np.empty(MAX_BOXES, np.uint8), np.empty((MAX_BOXES, 3))
-        is_open, q, result = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(ARM_JOINTS), _Result()
+        is_open, q = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(chain.joints)
+        result = _Result()
         outcome = self._find_in_boxes(
             trees.array,
             *(ctypes.c_void_p(array.ctypes.data) for array in (trees.placed, pairs)),

@@ -25,7 +25,6 @@ from planner.certificate.boxes import (
 )
 from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.intervals import Array
-from planner.certificate.robot import ARM_JOINTS
 from planner.certificate.rows import Joints, Pair
 from planner.prover.numpy_search import MAX_ITERATIONS, least_norm_weights
 from planner.prover.problem import SPARE_M, BoxesFound, Near, Outcome
@@ -100,6 +99,7 @@ class _Search:
         while len(boxes):
             count += len(boxes)
             n, apart = self._directions(boxes)
+            n = self._seen_from_base(boxes, n)
             gaps = box_gaps_m(self._robot, self._clusters, self._pairs, boxes, n)
             letters = self._letters(boxes, apart, gaps)
             is_apart = letters == SEPARATED
@@ -124,7 +124,7 @@ class _Search:
                 boxes = boxes.only([not self.is_open[a:b].all() for a, b in spans])
         columns = ([getattr(trace, c) for trace in traces] for c in ("letters", "directions"))
         trace = BoxTrace(*(np.concatenate(column) for column in columns))
-        q = np.zeros(ARM_JOINTS)
+        q = np.zeros(self._tube.low.shape[1])
         return BoxesFound(Outcome.PROVEN, proven_m - SPARE_M, _NONE, _NONE, q, trace)
 
     def _letters(self, boxes: Boxes, apart: Array, gaps: Array) -> Nodes:
@@ -150,11 +150,17 @@ class _Search:
     def _halved(self, boxes: Boxes) -> Nodes:
         """Letters that cut time or the interval of a joint."""
         level, rho = self._level[boxes.pair], self._clusters.reaches_m(boxes.first)
-        reach = np.zeros((len(boxes), ARM_JOINTS))
-        for joint in range(ARM_JOINTS - 1, -1, -1):
-            counts = (level[:, 0] <= joint) & (joint < level[:, 1])
+        base = np.clip(self._robot.base, level[:, 0], level[:, 1])
+        reach = np.zeros_like(boxes.low)
+        for joint in range(reach.shape[1] - 1, -1, -1):
+            counts = (base <= joint) & (joint < level[:, 1])
             reach[:, joint] = np.where(counts, rho, 0.0)
             rho = np.where(counts, rho + self._robot.offsets[joint], rho)
+        rho = self._clusters.reaches_m(boxes.second)
+        for joint in range(self._robot.base):
+            counts = (level[:, 0] <= joint) & (joint < base)
+            rho = np.where(counts, rho + self._robot.offsets[joint], rho)
+            reach[:, joint] = np.where(counts, rho, reach[:, joint])
         middle = (boxes.start + boxes.end) // 2
         still = np.minimum(boxes.high, self._tube.high[middle])
         still = (still - np.maximum(boxes.low, self._tube.low[middle])).clip(0.0)
@@ -205,9 +211,19 @@ class _Search:
         found: Array = np.einsum("kij,kj->ki", R, first) + p - second
         return found
 
-    def _frames(self, boxes: Boxes) -> tuple[Array, Array]:
-        """Poses of the first clusters' frames seen from the second's, in the middles of boxes."""
-        q, level = 0.5 * (boxes.low + boxes.high), self._level[boxes.pair]
+    def _seen_from_base(self, boxes: Boxes, n: Array) -> Array:
+        """Directions in base, where it is between both clusters' frames."""
+        level = self._level[boxes.pair]
+        ends = np.column_stack([level[:, 0], np.clip(self._robot.base, level[:, 0], level[:, 1])])
+        found: Array = np.einsum("kij,ki->kj", self._frames(boxes, ends)[0], n)
+        return found
+
+    def _frames(self, boxes: Boxes, ends: Nodes | None = None) -> tuple[Array, Array]:
+        """Poses of the first clusters' frames seen from the second's, in the middles of boxes.
+
+        Or of frames that are given, shape (k, 2), each seen from the one before it.
+        """
+        q, level = 0.5 * (boxes.low + boxes.high), self._level[boxes.pair] if ends is None else ends
         R, p = np.tile(np.eye(3), (len(boxes), 1, 1)), np.zeros((len(boxes), 3))
         for joint, span in enumerate(self._robot.spans):
             counts = ((level[:, 0] <= joint) & (joint < level[:, 1]))[:, None]

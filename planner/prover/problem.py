@@ -29,17 +29,24 @@ class Chain(NamedTuple):
         R, p: poses of each joint at position 0 seen from the one before, the first from base,
             shapes (n, 3, 3) and (n, 3).
         offsets: lengths of p, shape (n,), m.
+        base: number of joints before base: 0, or those of an arm that is passed backwards.
     """
 
     R: Array
     p: Array
     offsets: Array
+    base: int = 0
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return len(self.offsets)
 
     @classmethod
     def of(cls, robot: Joints) -> Chain:
         """The chain of a robot's arm that moves, or of both arms."""
         R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
-        return cls(np.array(R), np.array(p), robot.offsets)
+        return cls(np.array(R), np.array(p), robot.offsets, robot.base)
 
     @property
     def spans(self) -> Sequence[Pose]:
@@ -132,7 +139,7 @@ class BoxesFound(NamedTuple):
         nearest: the smallest distance of a pair that was found; its time is the number of an
             instant.
         stopped: the pair that is too near, or is not shown to be apart, likewise.
-        q: position of the joints at `nearest`, shape (7,), rad.
+        q: position of the joints at `nearest`, shape (joints,), rad.
         trace: letters and directions for `planner.certificate.boxes`.
     """
 

@@ -81,11 +81,13 @@ class HandToHand:
             hand.
         offsets: upper bounds on the lengths of their translations, shape (14,), m.
         tip: pose of the right tip seen from the last joint.
+        base: number of joints before base.
     """
 
     spans: Sequence[Pose]
     offsets: Array
     tip: Pose
+    base: int = BASE_LEVEL
 
     @classmethod
     def of(cls, left: Robot, right: Robot) -> HandToHand:

@@ -18,6 +18,7 @@ from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters
 from planner.certificate.intervals import Array
 from planner.certificate.robot import Robot
+from planner.certificate.rows import Joints
 from tests.planner.verification.conftest import BLOCK, PICK, PLACE
 
 
@@ -81,8 +82,8 @@ def checked_alone(file: Path, urdf: str) -> str:
     return run.stdout
 
 
-def frames(own: Robot, q: Array) -> list[tuple[Array, Array]]:
-    """Poses of all joints seen from base at configurations, shape (k, 7); base itself first."""
+def frames(own: Joints, q: Array) -> list[tuple[Array, Array]]:
+    """Poses of all joints seen from the chain's first frame, which comes first; q is (k, n)."""
     R, p = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     found = [(R, p)]
     for i, span in enumerate(own.spans):

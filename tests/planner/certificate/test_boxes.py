@@ -25,6 +25,7 @@ from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Mover, Pair
+from planner.certificate.timeline.both_arms import HandToHand
 from tests.planner.certificate.conftest import frames, lowest
 
 ROWS, PLACES = 300, 40
@@ -61,7 +62,11 @@ def pairs(clusters: Clusters, own: Robot, body: Body, planned: Any) -> list[Pair
 
 
 def random_boxes(
-    pairs: list[Pair], clusters: Clusters, rng: np.random.Generator, count: int = ROWS
+    pairs: list[Pair],
+    clusters: Clusters,
+    rng: np.random.Generator,
+    count: int = ROWS,
+    joints: int = 7,
 ) -> Boxes:
     """Nodes some levels below the roots, in boxes of up to 0.4 rad, some of no width."""
     numbers = rng.integers(len(pairs), size=count)
@@ -72,8 +77,8 @@ def random_boxes(
             children = clusters.children(nodes)[np.arange(count), rng.integers(2, size=count)]
             nodes = np.where(children >= 0, children, nodes)
         sides.append(nodes)
-    middle = rng.uniform(-2.0, 2.0, (count, 7))
-    widths = 10 ** rng.uniform(-3.0, -0.7, (count, 7)) * rng.integers(0, 2, (count, 7))
+    middle = rng.uniform(-2.0, 2.0, (count, joints))
+    widths = 10 ** rng.uniform(-3.0, -0.7, (count, joints)) * rng.integers(0, 2, (count, joints))
     still = np.zeros(count, np.intp)
     first, second = sides
     bounds = middle - widths, middle + widths
@@ -81,14 +86,25 @@ def random_boxes(
 
 
 def gaps_at(
-    clusters: Clusters, pair: Pair, nodes: tuple[int, int], n: Array, T: list[tuple[Array, Array]]
+    clusters: Clusters,
+    pair: Pair,
+    nodes: tuple[int, int],
+    n: Array,
+    T: list[tuple[Array, Array]],
+    *,
+    base: int = 0,
 ) -> Array:
-    """The gap that a direction leaves, over its length, where frames are at poses."""
-    (R, p), turned = T[pair.second.level], T[pair.second.level][0] @ n
+    """The gap that a direction leaves, over its length, where frames are at poses.
+
+    It is fixed in the frame of the second mover, or in base where that comes after.
+    """
+    of = min(max(base, pair.second.level), pair.first.level)
+    (R, p), turned = T[pair.second.level], T[of][0] @ n
     y = np.eye(3)[1]
     first = lowest(clusters, nodes[0], turned, T[pair.first.level])
     first += np.einsum("ti,ti->t", turned, T[pair.first.level][0] @ y) * pair.first.slide_m[0]
     second = lowest(clusters, nodes[1], -turned, (R, p))
+    second -= np.einsum("ti,ti->t", turned, R @ y) * pair.second.slide_m[0]
     found: Array = (first + second) / np.linalg.norm(n)
     return found
 
@@ -109,6 +125,42 @@ def test_no_place_in_a_box_is_below_what_a_row_concludes(
         assert (
             gaps_at(clusters, pair, nodes, n[row], frames(own, q)).min() >= gaps[row] - ROUNDING_M
         )
+
+
+@pytest.fixture(scope="module")
+def both(text: str, own: Robot) -> HandToHand:
+    return HandToHand.of(own, Robot(text, "right"))
+
+
+@pytest.fixture(scope="module")
+def across(clusters: Clusters, body: Body) -> list[Pair]:
+    """Shapes on all frames from the left hand to the right one, each with those behind it."""
+    movers = [
+        Mover("shape", clusters.add(each.shape, Pose.identity()), level, (slide_m, slide_m))
+        for each in body.shapes[:3]
+        for level in range(15)
+        for slide_m in (0.0, 0.02)
+    ]
+    return [Pair(a, b, 0.0, 0.0, 1.0) for a in movers for b in movers if a.level > b.level]
+
+
+@pytest.mark.parametrize("is_wide", [True, False])
+def test_no_places_of_two_arms_are_below_what_a_row_concludes(
+    both: HandToHand, clusters: Clusters, across: list[Pair], is_wide: bool
+) -> None:
+    rng = np.random.default_rng(15)
+    boxes = random_boxes(across, clusters, rng, joints=14)
+    boxes = boxes if is_wide else evolve(boxes, high=boxes.low)
+    n = rng.normal(size=(ROWS, 3))
+    gaps = box_gaps_m(both, clusters, across, boxes, n)
+    for row in range(ROWS):
+        pair = across[int(boxes.pair[row])]
+        nodes = int(boxes.first[row]), int(boxes.second[row])
+        shares = np.rint(rng.uniform(size=(PLACES, 14)))
+        q = boxes.low[row] + shares * (boxes.high[row] - boxes.low[row])
+        true = gaps_at(clusters, pair, nodes, n[row], frames(both, q), base=both.base).min()
+        assert true >= gaps[row] - ROUNDING_M
+        assert is_wide or true <= gaps[row] + 1e-8
 
 
 def test_a_box_of_no_width_has_the_gap_itself(
