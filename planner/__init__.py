@@ -80,6 +80,8 @@ if TYPE_CHECKING:
     from planner.two_arms.plan_file import load_two_arm_plan as load_two_arm_plan
     from planner.two_arms.plan_file import save_two_arm_plan as save_two_arm_plan
     from planner.two_arms.together import plan_together as plan_together
+    from planner.two_arms.tracking.proof import TwoArmTrackingProof as TwoArmTrackingProof
+    from planner.two_arms.tracking.proof import prove_tracking_of_both as prove_tracking_of_both
     from planner.verification import Certificate as Certificate
     from planner.verification import MotionCertificate as MotionCertificate
     from planner.verification import PolynomialMotion as PolynomialMotion
@@ -135,6 +137,7 @@ __all__, __getattr__ = lazy(
         "Trajectory": "planner.trajectory",
         "TwoArmCertificate": "planner.verification",
         "TwoArmPlan": "planner.two_arms.plan",
+        "TwoArmTrackingProof": "planner.two_arms.tracking.proof",
         "Upright": "planner.motion.upright",
         "certify": "planner.verification",
         "complete": "planner.completion",
@@ -160,6 +163,7 @@ __all__, __getattr__ = lazy(
         "plan_together": "planner.two_arms.together",
         "prove_clear": "planner.collision.proof",
         "prove_tracking": "planner.pick_place.tracking",
+        "prove_tracking_of_both": "planner.two_arms.tracking.proof",
         "save_plan": "planner.plan_file",
         "save_two_arm_plan": "planner.two_arms.plan_file",
         "tilt_of": "planner.completion",

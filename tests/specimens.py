@@ -142,6 +142,7 @@ def specimens_of(
         "tracking": planner.prove_tracking(
             plan, tracked, manipulator=manipulator, seek_speed=False
         ),
+        "tracking of both": planner.TwoArmTrackingProof({}, (), (), 0.005, 0.02, None, "it failed"),
         "perception": (
             sim.ClosedLoop(simulation, manipulator, eyes),
             eyes.observe("block", simulation.time_s),

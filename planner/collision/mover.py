@@ -110,6 +110,31 @@ class Walk(NamedTuple):
         found: FloatArray = self.signs * q[..., self.joints]
         return found
 
+    def bounds_along(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds on the chain's joints from those on the mover's."""
+        ends = self.along(low), self.along(high)
+        return np.minimum(*ends), np.maximum(*ends)
+
+    def of_mover(self, q: FloatArray) -> FloatArray:
+        """Positions of the mover's joints from those of the chain's, the inverse of `along`."""
+        found = np.empty(1 + int(self.joints.max()))
+        found[self.joints] = self.signs * q
+        return found
+
+    @property
+    def from_hand(self) -> Walk:
+        """With two arms, the part from the left hand on, which passes each joint once."""
+        if len(self.levels) == 1:
+            return self
+        chain, first = self.chain, int(self.levels[1].min())
+        return Walk(
+            Chain(chain.R[first:], chain.p[first:], chain.offsets[first:], first),
+            self.joints[first:],
+            self.signs[first:],
+            self.levels[1:] - first,
+            self.T_level_link[1:],
+        )
+
 
 def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
     """The same chain with frames turned such that each joint rotates about z.

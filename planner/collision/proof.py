@@ -32,6 +32,7 @@ from planner.clearance import (
 )
 from planner.collision.checker import MAX_JOINT, ClearanceChecker
 from planner.collision.distances import UNKNOWN_DEPTH_M
+from planner.collision.mover import Walk
 from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import SceneError, TrajectoryError
 from planner.prover.kernel import Trees, rows_kernel
@@ -166,9 +167,15 @@ class Arrangement:
         self._slides_m = np.zeros(levels.shape[1]) if slides_m is None else slides_m
 
     @classmethod
-    def of_mover(cls, checker: ClearanceChecker, full: FloatArray) -> Arrangement:
-        """The arrangement on a checker's mover, all other joints as in a full configuration."""
-        walk, (carriers, T) = checker.walk, checker.motion_bounds.carried(full)
+    def of_mover(
+        cls, checker: ClearanceChecker, full: FloatArray, walk: Walk | None = None
+    ) -> Arrangement:
+        """The arrangement on a checker's mover, all other joints as in a full configuration.
+
+        On a part of the mover's walk, where one is given.
+        """
+        walk = checker.walk if walk is None else walk
+        carriers, T = checker.motion_bounds.carried(full)
         levels, T_level_link = walk.levels[:, carriers], walk.T_level_link[:, carriers]
         return cls(checker.checked, walk.chain, levels, T_level_link @ T)
 

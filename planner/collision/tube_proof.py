@@ -1,4 +1,4 @@
-"""Proof over a tube: the distance that shapes keep wherever in a tube the joints of an arm are.
+"""Proof over a tube: the distance that shapes keep wherever in a tube the joints of arms are.
 
 A `JointTube` bounds every joint at every time. Rows over boxes of joint angles prove the distance;
 `planner.certificate.boxes` states the lemma. The tube between two of its instants is a box. A pair
@@ -118,9 +118,13 @@ class TubeProofs:
     """Proofs over tubes in one situation."""
 
     def __init__(self, checker: ClearanceChecker, full: FloatArray) -> None:
-        """Take a full configuration, shape (19,), for all joints but the arm's."""
+        """Take a full configuration, shape (19,), for all joints but those that move.
+
+        With two arms, only pairs of one arm, and what it carries, with the other are proven.
+        """
         self._checker, self._full = checker, full
-        self._arrangement = Arrangement.of_mover(checker, full)
+        self._walk = checker.walk.from_hand
+        self._arrangement = Arrangement.of_mover(checker, full, self._walk)
 
     def prove(
         self,
@@ -133,7 +137,7 @@ class TubeProofs:
         """Prove a distance that pairs of shapes keep in a tube.
 
         Args:
-            tube: of the joints of the arm.
+            tube: of the joints of the arm, or of both, the left arm's first.
             pairs: numbers of the pairs.
             margin_m: the required distance.
             is_tight: whether to prove as large a distance as possible, not the margin only.
@@ -150,7 +154,8 @@ class TubeProofs:
         pair, distance_m, at = found.nearest
         if found.outcome == Outcome.TOO_NEAR:
             at_s = float(tube.times_s[int(found.stopped.time_s)])
-            return self._contact(self._poses(found.q), numbers, at_s, margin_m, size)
+            poses = self._poses(self._walk.of_mover(found.q))
+            return self._contact(poses, numbers, at_s, margin_m, size)
         near = Clearance(np.inf, "", "")
         if pair >= 0:
             near = checked.clearance_of(
@@ -166,7 +171,7 @@ class TubeProofs:
             return np.zeros(tube.cells, dtype=np.bool_)
         kernel, arranged = rows_kernel(), self._arrangement
         there, rows = arranged.placed(numbers)
-        allowed = Tube(tube.lowest, tube.highest)
+        allowed = Tube(*self._walk.bounds_along(tube.lowest, tube.highest))
         if kernel is None:
             clusters, of = laid_out(there, rows)
             return unproven_cells(arranged.chain, clusters, of, allowed, MIN_CELLS)
@@ -179,7 +184,7 @@ class TubeProofs:
         """Search for rows that prove the first possible share of the smallest distance."""
         kernel, arranged = rows_kernel(), self._arrangement
         there, rows = arranged.placed(numbers)
-        allowed = Tube(tube.lowest, tube.highest)
+        allowed = Tube(*self._walk.bounds_along(tube.lowest, tube.highest))
         if kernel is None:
             return search_tube(arranged.chain, *laid_out(there, rows), allowed, margin_m)
         trees = Trees(kernel, there)

@@ -122,6 +122,30 @@ class PathDeviation:
 
     def in_boxes(self, lows: FloatArray, highs: FloatArray) -> FloatArray:
         """Bounds in boxes of joint angles, their corners of shape (m, 7), rad; shape (m,), m."""
+        p, J, remainder = self._linear(lows, highs)
+        tips = self._path[:, 0]
+        nearest = ((tips * tips).sum(axis=1) - 2.0 * p[:, 0] @ tips.T).argmin(axis=1)
+        by_chord = [self._off_chord(nearest, half_span, p, J) for half_span in CHORD_HALF_SPANS]
+        deviations_m: FloatArray = np.min(by_chord, axis=0) + remainder + self.between_m
+        return deviations_m
+
+    def tips_in_boxes(self, lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The tip in the middles of boxes, shape (m, 3), m, and how far it may be from there, (m,).
+
+        Takes the same boxes as `in_boxes`; the path does not matter.
+        """
+        p, J, remainder = self._linear(lows, highs)
+        at_corners = np.einsum("mjx,cj->mcx", J[:, 0], CORNERS)
+        farthest = np.sqrt((at_corners**2).sum(axis=2).max(axis=1))
+        return p[:, 0], farthest + remainder
+
+    def _linear(
+        self, lows: FloatArray, highs: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Points in boxes to first order: in the middle, their changes to the sides, a remainder.
+
+        Shapes (m, k + 1, 3), (m, k + 1, 7, 3) and (m,), m.
+        """
         c, w = (lows + highs) / 2, (highs - lows) / 2
         joints = self._chain.poses(c)
         z = (joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
@@ -129,13 +153,9 @@ class PathDeviation:
         offsets = p[:, :, None] - joints[:, None, :, :3, 3]
         J = np.cross(z[:, None], offsets)  # boxes, points, joints, 3
         r = np.sqrt(np.einsum("mpjx,mpjx->mpj", J, J).max(axis=1))
-        remainder = (r * w * (w / 2 + np.cumsum(w, axis=1) - w)).sum(axis=1)
+        remainder: FloatArray = (r * w * (w / 2 + np.cumsum(w, axis=1) - w)).sum(axis=1)
         J *= w[:, None, :, None]
-        tips = self._path[:, 0]
-        nearest = ((tips * tips).sum(axis=1) - 2.0 * p[:, 0] @ tips.T).argmin(axis=1)
-        by_chord = [self._off_chord(nearest, half_span, p, J) for half_span in CHORD_HALF_SPANS]
-        deviations_m: FloatArray = np.min(by_chord, axis=0) + remainder + self.between_m
-        return deviations_m
+        return p, J, remainder
 
     def _reach_m(self, joints: FloatArray) -> float:
         """Upper bound on R, from any poses of the joints, shape (7, 4, 4)."""

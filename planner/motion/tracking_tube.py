@@ -34,6 +34,13 @@ the joint obeys the same equation with T times that rate, which is in [0, T_max]
 T_min = 0 holds for every slower and every halting stream, however often and long it halts; that of
 T_min > 0 only for delays that `late_s` covers.
 
+Where a stream may slow or halt in known intervals of plan time only (`halts`), T_min = 0 is used
+there, and the response's own outside: the clock of both arms waits for grippers. As the lead of a
+set-point is in proportion to the rate, set-points of these intervals are between those without a
+lead and those with the whole one. Time that plan time stood still before such an interval is made
+up for in it: let the instant in the tube stand until plan time has come there. Then `late_s` covers
+each interval between two of them.
+
 **Rests.** Where a motion ends, its last set-point stands, and every bound converges to it. The
 next motion begins when all joints have been measured within `SETTLED_RAD` of it, and that set-point
 has stood for `Response.rest_s`, so that no older one is in force: at the earliest at the first
@@ -44,7 +51,7 @@ lag together are not treated as each at its worst; the next motion has a tube fr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -93,19 +100,26 @@ class SettlingTube:
     rates: FloatArray
 
 
-def tracking_tube(trajectory: Trajectory, response: Response, start: JointRange) -> SettlingTube:
+def tracking_tube(
+    trajectory: Trajectory,
+    response: Response,
+    start: JointRange,
+    halts: Sequence[tuple[float, float]] = (),
+) -> SettlingTube:
     """Bounds on the joints of an arm while it is sent a motion that ends at rest.
 
     Args:
         trajectory: as planned.
         response: of the arm, and how it is sent.
         start: bounds on y at the beginning.
+        halts: intervals of plan time in which the stream may slow or halt, s.
     """
     cell_s = CELL_S / response.speed
-    highest_sent, lowest_sent = _sent(trajectory, response, cell_s)
+    highest_sent, lowest_sent = _sent(trajectory, response, cell_s, halts)
+    may_halt = _in_any(halts, _instants(len(highest_sent), CELL_S), CELL_S)
     lag_s = response.lag_s
-    high = _followed(start[1], highest_sent, lag_s, cell_s)
-    low = -_followed(-start[0], -lowest_sent, lag_s, cell_s)
+    high = _followed(start[1], highest_sent, lag_s, cell_s, may_halt)
+    low = -_followed(-start[0], -lowest_sent, lag_s, cell_s, may_halt)
     rest = _Rest(low[-1], high[-1], trajectory.q_goal, response)
     after_s: FloatArray = cell_s * np.arange(1.0, rest.cells(cell_s) + 1)
     low_rest, high_rest = rest.at(after_s)
@@ -121,8 +135,27 @@ def tracking_tube(trajectory: Trajectory, response: Response, start: JointRange)
     return SettlingTube(tube, (since_s + first_s, since_s + last_s), tuple(rest.starts()), rates)
 
 
+def _instants(count: int, step_s: float) -> FloatArray:
+    """Some instants from zero on, with a step, shape (count,), s."""
+    instants: FloatArray = step_s * np.arange(float(count))
+    return instants
+
+
+def _in_any(
+    halts: Sequence[tuple[float, float]], begins_s: FloatArray, length_s: float
+) -> NDArray[np.bool_]:
+    """Whether each of some cells of plan time overlaps one of several intervals."""
+    found = np.zeros(len(begins_s), dtype=np.bool_)
+    for begin_s, end_s in halts:
+        found |= (begins_s + length_s >= begin_s) & (begins_s <= end_s)
+    return found
+
+
 def _sent(
-    trajectory: Trajectory, response: Response, cell_s: float
+    trajectory: Trajectory,
+    response: Response,
+    cell_s: float,
+    halts: Sequence[tuple[float, float]],
 ) -> tuple[FloatArray, FloatArray]:
     """Maximum and minimum set-points that may be in force in each cell, shape (m, 7) both.
 
@@ -131,19 +164,32 @@ def _sent(
     motion_s = trajectory.duration / response.speed
     cells = int(np.ceil((motion_s + response.window_s) / cell_s)) + 1
     window = int(np.ceil(response.window_s / cell_s))
-    at_ends = response.command(trajectory, cell_s * np.arange(cells + 1)).q
-    before = np.repeat(at_ends[:1], window, axis=0)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.concatenate([before, at_ends]), window + 2, axis=0
+    times_s = _instants(cells + 1, cell_s)
+    led = response.command(trajectory, times_s).q
+    own = led
+    if response.lead_s and len(halts):
+        slows = _in_any(halts, response.speed * times_s - CELL_S, 2.0 * CELL_S)[:, None]
+        own = np.where(slows, trajectory.sample(response.speed * times_s).q, led)
+    lowest, highest = (
+        np.lib.stride_tricks.sliding_window_view(
+            np.concatenate([np.repeat(at_ends[:1], window, axis=0), at_ends]), window + 2, axis=0
+        )
+        for at_ends in (np.minimum(led, own), np.maximum(led, own))
     )
     speed, between = response.speed, np.abs(trajectory.a).max(axis=0) * response.speed**2
     if trajectory.j.size:
         between = between + response.lead_s * speed**3 * np.abs(trajectory.j).max(axis=0)
     rise = between * cell_s**2 / 8.0
-    return windows.max(axis=-1) + rise, windows.min(axis=-1) - rise
+    return highest.max(axis=-1) + rise, lowest.min(axis=-1) - rise
 
 
-def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: float) -> FloatArray:
+def _followed(
+    start: FloatArray,
+    sent: FloatArray,
+    lag_s: FloatArray,
+    cell_s: float,
+    may_halt: NDArray[np.bool_],
+) -> FloatArray:
     """The upper bound at the ends of all cells, shape (m + 1, 7).
 
     Args:
@@ -151,13 +197,14 @@ def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: fl
         sent: upper bounds on set-points in each cell, shape (m, 7).
         lag_s: minimum and maximum, shape (7, 2).
         cell_s: duration of a cell.
+        may_halt: whether the stream may halt in each cell, shape (m,).
     """
     rising, falling = remaining_share(cell_s, lag_s[:, 0]), remaining_share(cell_s, lag_s[:, 1])
     bounds = np.empty((len(sent) + 1, sent.shape[1]))
     bounds[0] = bound = np.array(start)
-    for number, aim in enumerate(sent):
+    for number, (aim, halts) in enumerate(zip(sent, may_halt.tolist(), strict=True)):
         off = bound - aim
-        bound = aim + off * np.where(off < 0.0, rising, falling)
+        bound = aim + off * np.where(off < 0.0, 0.0 if halts else rising, falling)
         bounds[number + 1] = bound
     return bounds
 

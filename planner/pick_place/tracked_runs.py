@@ -162,7 +162,7 @@ class TrackedRun:
         arm, trajectory = moves[0][1].checker.arm, self._trajectory
         self._tip = PathDeviation(arm, trajectory)
         self._goal = PathDeviation(arm, Trajectory.stay(trajectory.q_goal, trajectory.limits))
-        self._moves = [_TrackedMove(move, context, trajectory) for move, context in moves]
+        self._moves = [TrackedMove(move, context, trajectory) for move, context in moves]
 
     def tubes_for(self, response: Response, starts: Sequence[JointRange]) -> RunTubes:
         """Tubes of the joints of an arm when the run begins in one of several boxes."""
@@ -223,11 +223,25 @@ class TrackedRun:
         return float(np.maximum(tube.highest - q, q - tube.lowest).max()) + step
 
 
-class _TrackedMove:
+class TrackedMove:
     """One move of a run, with precomputed data for its proofs."""
 
-    def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
-        """Prepare the proofs of a move, for its context and the motion of the whole run."""
+    def __init__(
+        self,
+        move: Move,
+        context: CollisionContext,
+        trajectory: Trajectory,
+        since: str = "after it last rested",
+    ) -> None:
+        """Prepare the proofs of a move.
+
+        Args:
+            move: the move.
+            context: its context.
+            trajectory: the motion of the whole run.
+            since: a phrase that says from when the times of its tubes count.
+        """
+        self._since = since
         checker = context.checker
         self._label, self._proofs = move.label, TubeProofs(checker, context.q_others)
         self._free = np.flatnonzero(~checker.may_touch)
@@ -258,14 +272,14 @@ class _TrackedMove:
             tip_m=deviation.tip_m,
             allowance_m=allowance_m,
             settled_tip_m=deviation.settled_tip_m,
-            failure=_failure(worst, float(hand_deviations_m.max()), required),
+            failure=self._failure(worst, float(hand_deviations_m.max()), required),
         )
 
     def passes(self, tubes: Sequence[JointTube], required: TrackingRequirements) -> bool:
         """Whether `track` reports no failure."""
         hand_deviation_m = float(self._hand_deviations_m(tubes).max())
         proofs = self._prove(tubes, required, is_tight=False)
-        return all(_failure(proof, hand_deviation_m, required) is None for proof in proofs)
+        return all(self._failure(proof, hand_deviation_m, required) is None for proof in proofs)
 
     def _prove(
         self, tubes: Sequence[JointTube], required: TrackingRequirements, *, is_tight: bool
@@ -283,6 +297,26 @@ class _TrackedMove:
         longest = max(map(len, in_cells))
         deviations_m: FloatArray = np.max([padded(cells, longest) for cells in in_cells], axis=0)
         return deviations_m
+
+    def _failure(
+        self, proof: TubeClearance, hand_deviation_m: float, required: TrackingRequirements
+    ) -> str | None:
+        """Why the move is not proven; None where it is.
+
+        Args:
+            proof: of all pairs except intended contacts, in a tube of the move.
+            hand_deviation_m: maximum deviation of the hand from its path; zero without such
+                contacts.
+            required: the requirements.
+        """
+        if not proof.is_clear:
+            return unclear(proof, self._since)
+        if hand_deviation_m <= required.max_deviation_m:
+            return None
+        return (
+            f"the hand may be {1e3 * hand_deviation_m:.1f} mm off its path, where it touches "
+            f"something on purpose; at most {1e3 * required.max_deviation_m:.1f} mm are allowed"
+        )
 
 
 def bounding_box(boxes: Sequence[JointRange]) -> JointRange:
@@ -317,33 +351,13 @@ def padded(values: FloatArray, length: int) -> FloatArray:
     return repeated
 
 
-def _failure(
-    proof: TubeClearance, hand_deviation_m: float, required: TrackingRequirements
-) -> str | None:
-    """Why a move is not proven; None where it is.
-
-    Args:
-        proof: of all pairs except intended contacts, in a tube of the move.
-        hand_deviation_m: maximum deviation of the hand from its path; zero without such contacts.
-        required: the requirements.
-    """
-    if not proof.is_clear:
-        return _unclear(proof)
-    if hand_deviation_m <= required.max_deviation_m:
-        return None
-    return (
-        f"the hand may be {1e3 * hand_deviation_m:.1f} mm off its path, where it touches something "
-        f"on purpose; at most {1e3 * required.max_deviation_m:.1f} mm are allowed"
-    )
-
-
-def _unclear(proof: TubeClearance) -> str:
-    """Why a tube is not clear."""
+def unclear(proof: TubeClearance, since: str) -> str:
+    """Why a tube is not clear; `since` says from when its times count."""
     near = proof.nearest
     if near.distance_m <= proof.margin_m:
         text = near.phrase("may be", "may touch")
         margin = f"; {1e3 * proof.margin_m:.1f} mm are required" if proof.margin_m else ""
-        return f"{text} {near.time_s or 0.0:.2f} s after it last rested{margin}"
+        return f"{text} {near.time_s or 0.0:.2f} s {since}{margin}"
     return (
         f"{near.first} may be {1e3 * near.distance_m:.1f} mm from {near.second}, and more than "
         f"{1e3 * proof.margin_m:.1f} mm are not proven after {proof.boxes} boxes"

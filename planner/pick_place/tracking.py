@@ -26,7 +26,7 @@ The proof does not cover:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,11 +97,11 @@ def prove_tracking(
     expect(response, Response, "response", ResponseError)
     required = TrackingRequirements(
         margin_m=checked_margin_m(margin_m),
-        max_deviation_m=_not_negative(most_off_m, "most_off_m"),
-        start_rad=_not_negative(start_rad, "start_rad"),
+        max_deviation_m=not_negative(most_off_m, "most_off_m"),
+        start_rad=not_negative(start_rad, "start_rad"),
     )
     if plan.failure is not None:
-        return _proof_of(response, required, failure=f"the plan is not valid: {plan.failure}")
+        return proof_of(response, required, failure=f"the plan is not valid: {plan.failure}")
     return _PlanTracking(plan, manipulator, required).proof(response, seek_speed=seek_speed)
 
 
@@ -129,7 +129,7 @@ def planned_for(
     if proof.greatest_speed is not None:
         return evolve(plan, response=response.at_speed(proof.greatest_speed))
     failed = next(move for move in proof.moves if move.failure is not None)
-    reason = f"{failed.failure}{_advice(response, None)}"
+    reason = f"{failed.failure}{advice_on(response, None)}"
     return evolve(plan, failure=PlanFailure(failed.label, reason))
 
 
@@ -141,7 +141,7 @@ class _PlanTracking:
     ) -> None:
         """Derive the collision contexts of its moves."""
         arm = manipulator_for(plan, manipulator)
-        _check_robot(plan, arm)
+        check_robot(plan, arm)
         self._q_start, self._required = plan.q_start, required
         check_rests(plan.steps)
         self._runs = tuple(runs_of(plan.moves, move_contexts(plan, arm)))
@@ -155,7 +155,7 @@ class _PlanTracking:
         rates = np.max([np.zeros(7), *(tubes.hull.rates for _, tubes in runs)], axis=0)
         failed = next((move for move in moves if move.failure is not None), None)
         if failed is None:
-            return _proof_of(
+            return proof_of(
                 response,
                 self._required,
                 moves=moves,
@@ -163,8 +163,8 @@ class _PlanTracking:
                 greatest_speed=response.speed,
             )
         speed = self.greatest_speed(response) if seek_speed else None
-        advice = _advice(response, speed) if seek_speed else ""
-        return _proof_of(
+        advice = advice_on(response, speed) if seek_speed else ""
+        return proof_of(
             response,
             self._required,
             moves=moves,
@@ -174,20 +174,13 @@ class _PlanTracking:
         )
 
     def greatest_speed(self, response: Response) -> float | None:
-        """The greatest proven speed below that of a response; None where none was found.
+        """The greatest proven speed below that of a response; None where none was found."""
 
-        By bisection over whole hundredths, as if a speed passed whenever a higher one does. That is
-        not proven, so a greater one that was not tried may pass; the returned one does.
-        """
-        passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
-        while fails - passes > 1:
-            middle = (passes + fails) // 2
-            runs = self._runs_with_tubes(response.at_speed(middle * SPEED_STEP))
-            if all(run.passes(tubes, self._required) for run, tubes in runs):
-                passes = middle
-            else:
-                fails = middle
-        return round(passes * SPEED_STEP, 2) if passes else None
+        def passes(speed: float) -> bool:
+            runs = self._runs_with_tubes(response.at_speed(speed))
+            return all(run.passes(tubes, self._required) for run, tubes in runs)
+
+        return greatest_passing(response.speed, passes)
 
     def _runs_with_tubes(self, response: Response) -> Iterator[tuple[TrackedRun, RunTubes]]:
         """The runs in order, each with the tubes of the joints during it."""
@@ -200,14 +193,31 @@ class _PlanTracking:
             starts = tubes.starts
 
 
-def _advice(response: Response, speed: float | None) -> str:
+def greatest_passing(speed: float, passes: Callable[[float], bool]) -> float | None:
+    """The greatest speed below another that passes; None where none was found.
+
+    By bisection over whole hundredths, as if a speed passed whenever a higher one does. That is not
+    proven, so a greater one that was not tried may pass; the returned one does.
+    """
+    passing, failing = 0, int(np.ceil(speed / SPEED_STEP - 1e-9))
+    while failing - passing > 1:
+        middle = (passing + failing) // 2
+        if passes(middle * SPEED_STEP):
+            passing = middle
+        else:
+            failing = middle
+    return round(passing * SPEED_STEP, 2) if passing else None
+
+
+def advice_on(response: Response, speed: float | None) -> str:
     """Advice on a failure, by the result of a search for a speed."""
     if speed is None:
         return f"; no passing speed of at least {SPEED_STEP:g} was found"
     return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"
 
 
-def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
+def check_robot(plan: Plan, manipulator: Manipulator) -> None:
+    """Refuse a plan that is for another robot."""
     difference = "" if plan.robot is None else manipulator.identity.difference(plan.robot)
     if difference:
         raise TaskError(
@@ -215,7 +225,8 @@ def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
         )
 
 
-def _not_negative(value: object, name: str) -> float:
+def not_negative(value: object, name: str) -> float:
+    """A number that is not negative."""
     number = finite_scalar(value, name, ResponseError)
     if number < 0.0:
         raise ResponseError(f"{name} must not be negative, got {number:g}")
@@ -279,7 +290,7 @@ class TrackingProof:
         return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
 
 
-def _proof_of(
+def proof_of(
     response: Response,
     required: TrackingRequirements,
     *,

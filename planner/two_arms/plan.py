@@ -117,10 +117,7 @@ class TwoArmPlan:
         Raises:
             TaskError: when an arm has no moves, as in an invalid plan.
         """
-        still = [side for side in LIMBS if not self.plans[side].moves]
-        if still:
-            raise TaskError(f"the {still[0]} arm has no moves, so both have no trajectory")
-        return side_by_side([self._with_rests(side) for side in LIMBS])
+        return side_by_side([self.motion_of(side) for side in LIMBS])
 
     def steps_of(self, side: str) -> tuple[TimedStep, ...]:
         """The steps of one arm, "left" or "right", in order.
@@ -137,11 +134,19 @@ class TwoArmPlan:
             for begin_s, step in pairs
         )
 
-    def _with_rests(self, side: str) -> Trajectory:
-        """The motion of one arm over the whole makespan."""
+    def motion_of(self, side: str) -> Trajectory:
+        """The motion of one arm, "left" or "right", over the whole makespan.
+
+        Raises:
+            UnknownNameError: when there is no such arm.
+            TaskError: when `side` is not a name, or the arm has no moves, as in an invalid plan.
+        """
+        steps = self.steps_of(side)
+        if not self.plans[side].moves:
+            raise TaskError(f"the {side} arm has no moves, so it has no trajectory")
         q, limits = self.plans[side].q_start, self.plans[side].moves[0].trajectory.limits
         parts, end_s = [Trajectory.stay(q, limits)], 0.0
-        for timed in self.steps_of(side):
+        for timed in steps:
             if isinstance(timed.step, Move):
                 rest_s = max(timed.begin_s - end_s, 0.0)
                 if rest_s > SAME_TIME_S:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.display import clear, seconds
@@ -15,14 +15,22 @@ from baxter_kin.validation import expect
 from planner.certificate.checking import BETWEEN, Certified, Witness, alone, check_both
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
-from planner.certificate.timeline import TOGETHER_M, TOGETHER_RAD, StepWitness
+from planner.certificate.timeline import TOGETHER_M, TOGETHER_RAD, StepWitness, Timeline
 from planner.certificate.timeline.both_arms import BothArms
 from planner.errors import TaskError
+from planner.motion.response import Response
 from planner.prover.problem import SHARES, NotShownError
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.plan_file import two_arm_document
+from planner.two_arms.tracking.proof import (
+    SKEW_S,
+    checked_responses,
+    checked_skew_s,
+    checked_slowing_s,
+)
 from planner.verification.certificate import Certificate, Check, Worst
 from planner.verification.inspection import robot_difference
+from planner.verification.lag.both_arms import BothLagging
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of, witness_of
 
@@ -46,8 +54,8 @@ class TwoArmCertificate:
         apart_m: the proven distance of both arms, with the bodies that they handle, in each window
             of the clock, by label and in order.
         grip_s: what was assumed of each gripper action: that it takes no longer.
-        checks: how far the hands leave their poses in a body that both hold, at any instant; empty
-            where there is no such body.
+        checks: how far the hands leave their poses in a body that both hold, at any instant; with a
+            response, what both arms keep from each other as they lag.
         subject: the plan that was checked, for its own robot; None unless `verify_both` made the
             certificate in this process.
     """
@@ -125,7 +133,12 @@ class TwoArmCertificate:
 
 
 def verify_both(
-    plan: TwoArmPlan, *, description: RobotDescription | None = None
+    plan: TwoArmPlan,
+    *,
+    description: RobotDescription | None = None,
+    response: Response | Mapping[str, Response] | None = None,
+    skew_s: float = SKEW_S,
+    slowing_s: float | None = None,
 ) -> TwoArmCertificate:
     """Check a plan of both arms, independently of the code that planned it.
 
@@ -135,31 +148,54 @@ def verify_both(
     Args:
         plan: the plan to check.
         description: the robot to judge on; the stock robot when not given.
+        response: how the arms follow their set-points, "left" and "right", at one speed; or one of
+            both. Adds checks of all positions that the joints may then have.
+        skew_s: with a response, the maximum difference of both arms' clocks.
+        slowing_s: with a response, by how much the clock passes at most while it slows to rest for
+            a gripper, or begins again; the plan's `grip_s` when not given.
 
     Raises:
         TaskError: when an argument has the wrong type.
+        ResponseError: when a response has the wrong type, both have different speeds, or a number
+            is out of range.
     """
     known = _known(plan, description)
+    lagging = None
+    if response is not None:
+        clock = checked_skew_s(skew_s), checked_slowing_s(slowing_s, plan)
+        lagging = checked_responses(response), *clock
     differs = any(robot_difference(own, known) for own in plan.plans.values())
-    return evolve(_verified(plan, known), subject=None if differs else plan)
+    return evolve(_verified(plan, known, lagging), subject=None if differs else plan)
 
 
-def _verified(plan: TwoArmPlan, known: RobotDescription) -> TwoArmCertificate:
+def _verified(
+    plan: TwoArmPlan,
+    known: RobotDescription,
+    lagging: tuple[Mapping[str, Response], float, float] | None,
+) -> TwoArmCertificate:
+    """The certificate of a plan, of arms with given responses, and a clock that may be uneven."""
     try:
-        _, found = _certified(plan, known)
+        sought, found = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:
         return TwoArmCertificate({}, plan.duration_s, str(cause), grip_s=plan.grip_s)
-    between = found[BETWEEN]
+    between, tracked = found[BETWEEN], dict.fromkeys((*LIMBS, BETWEEN), tuple[Check, ...]())
+    if lagging is not None:
+        both = BothLagging(plan, sought.timelines, *lagging)
+        tracked = {side: tuple(both.of_arm(side)) for side in LIMBS}
+        tracked[BETWEEN] = tuple(both.between(sought.both))
     return TwoArmCertificate(
-        {side: _of_arm(plan, side, found[side], known) for side in LIMBS},
+        {side: _of_arm(plan, side, found[side], known, tracked[side]) for side in LIMBS},
         plan.duration_s,
         rows=between.rows,
         apart_m=between.clearances_m,
         grip_s=plan.grip_s,
-        checks=tuple(
-            Worst(*between.worst[name]).at_most(bound, name, unit)
-            for name, bound, unit in OF_HANDS
-            if name in between.worst
+        checks=(
+            *(
+                Worst(*between.worst[name]).at_most(bound, name, unit)
+                for name, bound, unit in OF_HANDS
+                if name in between.worst
+            ),
+            *tracked[BETWEEN],
         ),
     )
 
@@ -179,10 +215,10 @@ def certificate_of_both(
     """
     known = _known(plan, description)
     try:
-        witnesses, _ = _certified(plan, known)
+        sought, _ = _certified(plan, known)
     except (NotCertifiedError, NotShownError) as cause:
         raise TaskError(f"the plan cannot be certified: {cause}") from cause
-    return {part: witness.for_file() for part, witness in witnesses.items()}
+    return {part: witness.for_file() for part, witness in sought.witnesses.items()}
 
 
 def _known(plan: TwoArmPlan, description: RobotDescription | None) -> RobotDescription:
@@ -191,10 +227,24 @@ def _known(plan: TwoArmPlan, description: RobotDescription | None) -> RobotDescr
     return expect(known, RobotDescription, "description", TaskError)
 
 
+class _Sought(NamedTuple):
+    """What leads the checker.
+
+    Attributes:
+        timelines: of each arm by itself.
+        both: one arm against the other.
+        witnesses: of each of them.
+    """
+
+    timelines: Mapping[str, Timeline]
+    both: BothArms
+    witnesses: Mapping[str, Witness]
+
+
 def _certified(
     plan: TwoArmPlan, known: RobotDescription
-) -> tuple[dict[str, Witness], Mapping[str, Certified]]:
-    """What leads the checker, for each arm and between both, and what it certifies then."""
+) -> tuple[_Sought, Mapping[str, Certified]]:
+    """What leads the checker, and what it certifies then."""
     document, body = two_arm_document(plan), body_of(known.text)
     if plan.failure is not None:
         raise NotCertifiedError(f"the plan says itself that it failed: {plan.failure}")
@@ -212,18 +262,23 @@ def _certified(
         except NotShownError:
             if share == SHARES[-1]:
                 raise
-    return found, check_both(document, known.text, body=body, certificates=found)
+    certified = check_both(document, known.text, body=body, certificates=found)
+    return _Sought(timelines, both, found), certified
 
 
 def _of_arm(
-    plan: TwoArmPlan, side: str, certified: Certified, known: RobotDescription
+    plan: TwoArmPlan,
+    side: str,
+    certified: Certified,
+    known: RobotDescription,
+    tracked: tuple[Check, ...],
 ) -> Certificate:
     own, robot = plan.plans[side], Robot(known.text, side)
     judge = robot_limits(robot)
     return Certificate(
         limb=side,
         motion_time_s=float(own.motion_time_s),
-        checks=tuple(table_of(own, robot, judge, certified)),
+        checks=(*table_of(own, robot, judge, certified), *tracked),
         rows=certified.rows,
         clearances_m=certified.clearances_m,
         bare=certified.bare,

@@ -29,7 +29,7 @@ from planner.plan import Plan
 from planner.plan_file import check_size, plan_document
 from planner.state import State
 from planner.verification.certificate import Certificate, Subject
-from planner.verification.lag_checks import lag_checks
+from planner.verification.lag.checks import lag_checks
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of
 

@@ -232,6 +232,9 @@ LASTING: Mapping[str, Callable[[], Any]] = MappingProxyType(
         "TrackingProof": lambda: p.TrackingProof(
             one("Response"), (), 0.0, 0.04, 0.02, np.zeros(7), 0.3
         ),
+        "TwoArmTrackingProof": lambda: p.TwoArmTrackingProof(
+            {}, (), (), 0.005, 0.02, None, "none is found"
+        ),
         "MessageType": lambda: message_type("std_msgs/String"),
         "CollisionContext": lambda: one("Manipulator").context(one("Scene"), finger_m=0.01),
         "Plan": lambda: p.Plan(
@@ -400,6 +403,7 @@ NAMED: Mapping[str, Strategy] = MappingProxyType(
         "TwoArmPlan.plans": _made_by(_both_plans),
         "TwoArmPlan.begins_s": _made_by(_both_begins),
         "steps_of.side": _given("left"),
+        "motion_of.side": _given("left"),
         "Replay.recording": _of("Recording"),
         "compare": _given(None),
         "drawing": _of("Polyline"),

@@ -136,6 +136,24 @@ class _Hand:
     after: Situation
 
 
+class HandInterval(NamedTuple):
+    """What moves with one arm, or stands and is its own, from one change of its hand to the next.
+
+    Attributes:
+        begin_s: on the clock, when it begins.
+        end_s: when it ends.
+        movers: links, fingers and bodies.
+        acts: whether the hand acts in it.
+        exchanges: whether it hands a body over then, or takes one from the other hand.
+    """
+
+    begin_s: float
+    end_s: float
+    movers: Sequence[Mover]
+    acts: bool
+    exchanges: bool
+
+
 class BothArms:
     """The windows of the clock, as steps of rows.
 
@@ -213,6 +231,30 @@ class BothArms:
             if standing and any(hand.before is not hand.after for hand in hands):
                 self.steps.append(Step(f"{label}: bodies", standing, None, _still()))
                 self.numbers.append(number)
+
+    def intervals(self, side: str) -> Iterator[HandInterval]:
+        """The states of one hand, in order."""
+        clock, cuts = self._clocks[side], [0.0, self.duration_s, *self._clocks[side].cuts_s]
+        for each in self._exchanges.values():
+            own = each.arrives_s if each.giver == side else each.leaves_s
+            cuts.append(min(own, self.duration_s))
+        for begin_s, end_s in pairwise(sorted(cuts)):
+            if end_s - begin_s <= SAME_TIME_S:
+                continue
+            middle_s = 0.5 * (begin_s + end_s)
+            now = [grip for grip in clock.grips if grip.begin_s < middle_s < grip.end_s]
+            yield HandInterval(
+                begin_s,
+                end_s,
+                list(self._of_side(side, clock.hand(middle_s), (begin_s, end_s))),
+                acts=bool(now),
+                exchanges=any(self._is_exchange(side, grip) for grip in now),
+            )
+
+    def _is_exchange(self, side: str, grip: _Grip) -> bool:
+        """Whether a hand hands a body over in an action, or takes it."""
+        exchange = self._exchanges.get(grip.body or "")
+        return exchange is not None and grip.closes == (exchange.giver != side)
 
     def _windows(self) -> Iterator[tuple[float, float]]:
         cuts = [0.0, self.duration_s]

@@ -335,3 +335,36 @@ def test_a_motion_of_no_duration_rests(left: Arm) -> None:
     assert (low <= left.neutral).all()
     assert (left.neutral <= high).all()
     assert float((high - low).max()) <= 2.0 * SETTLED_RAD
+
+
+def test_a_stream_may_halt_in_stated_intervals_of_plan_time_alone(move: Trajectory) -> None:
+    """It halts for a second in one of them, at a rate that rises and falls; then it goes on."""
+    response = Response((0.1, 0.2), speed=0.8, lead_s=0.03)
+    halts, start = [(0.6, 0.8)], (move.q_start, move.q_start)
+    plan_s, rates, now_s = [], [], 0.0
+    for step in range(4000):
+        is_halting = 0.65 <= now_s <= 0.75 and step < 1500
+        rate = 0.0 if is_halting else 0.5 if 0.6 <= now_s <= 0.8 else 1.0
+        now_s = min(now_s + 1e-3 * response.speed * rate, move.duration)
+        plan_s.append(now_s)
+        rates.append(rate)
+    state, limits = move.sample(np.array(plan_s)), move.limits
+    lead = response.lead_s * response.speed * np.array(rates)[:, None] * state.v
+    sent = np.clip(state.q + lead, limits.q_min, limits.q_max)
+    outside = dict.fromkeys(("stated", "not stated"), 0.0)
+    for lag_s in (0.1, 0.15, 0.2):
+        y, positions = np.array(move.q_start), []
+        for aim in sent:
+            y = aim + (y - aim) * np.exp(-1e-3 / lag_s)
+            positions.append(y)
+        for name, intervals in (("stated", halts), ("not stated", [])):
+            tube = tracking_tube(move, response, start, intervals).tube
+            at = np.searchsorted(tube.times_s, np.array(plan_s) / response.speed)
+            at = np.minimum(at, tube.cells)
+            before = np.maximum(at - 1, 0)
+            low = np.minimum(tube.lowest[at], tube.lowest[before])
+            high = np.maximum(tube.highest[at], tube.highest[before])
+            off = np.maximum(low - positions, positions - high)[np.array(plan_s) < move.duration]
+            outside[name] = max(outside[name], float(off.max()))
+    assert outside["stated"] <= ROUNDING_RAD
+    assert outside["not stated"] > 0.01

@@ -7,9 +7,9 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
-from planner import Move, Response, Trajectory, plan_joint_move
+from planner import Response, Trajectory, plan_joint_move
 from planner.motion.tracking_tube import SETTLED_RAD, tracking_tube
-from planner.verification.response_tube import ResponseTube, response_tube
+from planner.verification.lag.response_tube import ResponseTube, response_tube
 
 RESPONSES = [
     Response((0.35, 0.45), 0.001, 0.5),
@@ -32,7 +32,7 @@ def move(left: Arm) -> Trajectory:
 def tube_of(
     move: Trajectory, response: Response, start: tuple[FloatArray, FloatArray]
 ) -> ResponseTube:
-    return response_tube([Move("move", move)], response, start, SETTLED_RAD)
+    return response_tube([move], response, start, SETTLED_RAD)
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_moves_that_pass_are_one_motion(move: Trajectory) -> None:
         for some in (slice(0, middle + 1), slice(middle, len(move.knots_s)))
     ]
     whole = tube_of(move, response, start)
-    cut = response_tube([Move("a", parts[0]), Move("b", parts[1])], response, start, SETTLED_RAD)
+    cut = response_tube(parts, response, start, SETTLED_RAD)
     count = min(len(whole.low), len(cut.low)) - 1
     np.testing.assert_allclose(cut.low[:count], whole.low[:count], atol=1e-6)
     np.testing.assert_allclose(cut.high[:count], whole.high[:count], atol=1e-6)

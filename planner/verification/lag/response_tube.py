@@ -12,6 +12,8 @@ length g, with U the maximum set-point in that time, such a line has the slope
     (U - Y) / T_min  from a height Y below U, as s is steepest at the start, though only up to U,
     (U - Y) / (T_max + g)  from a height above U, which is the value of s where the line ends.
 
+Where plan time may pass at any lower rate, T_min is 0, and a lead between none and the whole one.
+
 The planner's tube has exponentials in place of the line. Set-points are sampled at the ends of
 steps; in between they exceed these samples by at most their maximum speed times half a step.
 """
@@ -23,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner.motion.response import Response
-from planner.plan import Move
 from planner.trajectory import Trajectory
 
 STEP_S = 5e-4
@@ -40,15 +42,15 @@ MAX_RESTING_LAGS = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResponseTube:
-    """Bounds on the joints of an arm during moves without a rest in between, and a rest after them.
+    """Bounds on the joints of an arm during motions that follow one another, and a rest after them.
 
     Attributes:
         low: lower bounds at the ends of steps, including the settled error, shape (k + 1, 7), rad.
         high: upper bounds, likewise.
         step_s: length of a step, s.
-        ends_s: end of each move, s.
+        ends_s: end of each motion, s.
         settled: number of the first end at which all joints may be measured as settled.
-        goal: position after the last move, shape (7,), rad.
+        goal: position after the last motion, shape (7,), rad.
     """
 
     low: FloatArray
@@ -80,29 +82,33 @@ class ResponseTube:
 
 
 def response_tube(
-    moves: Sequence[Move],
+    motions: Sequence[Trajectory],
     response: Response,
     start: tuple[FloatArray, FloatArray],
     settled_rad: float,
+    waits: Sequence[tuple[float, float]] = (),
 ) -> ResponseTube:
-    """The tube of moves of which only the last ends at rest.
+    """The tube of motions that follow one another, the last of which ends at rest.
 
     Args:
-        moves: the moves, in order.
+        motions: in order.
         response: how the arm follows its set-points, and how these are sent.
         start: bounds on the joints at first, without the settled error, each of shape (7,), rad.
         settled_rad: maximum measured distance from the last set-point of a settled joint, rad.
+        waits: intervals of plan time in which that may pass at any lower rate, s.
     """
     step_s = STEP_S / response.speed
-    lowest, highest, ends_s = _sent(moves, response, step_s)
-    goal = np.array(moves[-1].trajectory.q[-1])
+    lowest, highest, ends_s = _sent(motions, response, step_s, waits)
+    goal = np.array(motions[-1].q[-1])
     error = response.settled_error_rad
     high, low = [start[1]], [-start[0]]
     moving, most = len(highest), settled_rad + error
     for number in range(moving + int(MAX_RESTING_LAGS * response.lag_s.max() / step_s) + 1):
         is_resting = number >= moving
-        high.append(_line(high[-1], goal if is_resting else highest[number], response, step_s))
-        low.append(_line(low[-1], -goal if is_resting else -lowest[number], response, step_s))
+        now = response.speed * step_s * number
+        lags_s = response.lag_s * [0.0 if _is_in(waits, now, now + STEP_S) else 1.0, 1.0]
+        high.append(_line(high[-1], goal if is_resting else highest[number], lags_s, step_s))
+        low.append(_line(low[-1], -goal if is_resting else -lowest[number], lags_s, step_s))
         if is_resting and max((high[-1] - goal - most).max(), (low[-1] + goal - most).max()) <= 0.0:
             break
     upper, lower = np.array(high) + ROUNDING_RAD, -np.array(low) - ROUNDING_RAD
@@ -113,9 +119,14 @@ def response_tube(
     return ResponseTube(lower - error, upper + error, step_s, ends_s, settled, goal)
 
 
-def _line(height: FloatArray, aim: FloatArray, response: Response, step_s: float) -> FloatArray:
+def _is_in(waits: Sequence[tuple[float, float]], begin: float, end: float) -> bool:
+    """Whether an interval of plan time meets another of some."""
+    return any(begin <= until and end >= since for since, until in waits)
+
+
+def _line(height: FloatArray, aim: FloatArray, lags_s: FloatArray, step_s: float) -> FloatArray:
     """Height of the line after a step, shape (7,), rad."""
-    least, most = response.lag_s.T
+    least, most = lags_s.T
     below = np.maximum(aim - height, 0.0)
     share = step_s / np.maximum(least, step_s)  # the line does not rise above its aim
     rise = below * share
@@ -125,19 +136,30 @@ def _line(height: FloatArray, aim: FloatArray, response: Response, step_s: float
 
 
 def _sent(
-    moves: Sequence[Move], response: Response, step_s: float
+    motions: Sequence[Trajectory],
+    response: Response,
+    step_s: float,
+    waits: Sequence[tuple[float, float]],
 ) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
-    """Minimum and maximum set-point that may be in force in each step; end of each move, s."""
-    ends = np.cumsum([float(move.trajectory.knots_s[-1]) for move in moves])
+    """Minimum and maximum set-point that may be in force in each step; end of each motion, s."""
+    ends = np.cumsum([float(motion.knots_s[-1]) for motion in motions])
     steps = int(np.ceil((ends[-1] / response.speed + response.window_s) / step_s)) + 1
     before = int(np.ceil(response.window_s / step_s))
     times_s = step_s * np.arange(-before, steps + 1)
-    sent = _set_points(moves, ends, response, np.clip(response.speed * times_s, 0.0, ends[-1]))
-    fastest, pushed = np.max([_peaks(move.trajectory) for move in moves], axis=0)
+    plan_s = np.clip(response.speed * times_s, 0.0, ends[-1])
+    sent = both = _set_points(motions, ends, response, plan_s)
+    if response.lead_s and waits:
+        is_slow = [_is_in(waits, at - STEP_S, at + STEP_S) for at in plan_s.tolist()]
+        bare = _set_points(motions, ends, evolve(response, lead_s=0.0), plan_s)
+        both = np.where(np.array(is_slow)[:, None], bare, sent)
+    fastest, pushed = np.max([_peaks(motion) for motion in motions], axis=0)
     between = response.speed * (fastest + response.lead_s * response.speed * pushed) * step_s / 2
     window = len(times_s) - steps
-    views = np.lib.stride_tricks.sliding_window_view(sent, window + 1, axis=0)
-    found = views.min(axis=-1) - between, views.max(axis=-1) + between
+    low, high = (
+        np.lib.stride_tricks.sliding_window_view(bound, window + 1, axis=0)
+        for bound in (np.minimum(sent, both), np.maximum(sent, both))
+    )
+    found = low.min(axis=-1) - between, high.max(axis=-1) + between
     return *found, tuple((ends / response.speed).tolist())
 
 
@@ -153,12 +175,12 @@ def _peaks(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 
 
 def _set_points(
-    moves: Sequence[Move], ends: FloatArray, response: Response, at: FloatArray
+    motions: Sequence[Trajectory], ends: FloatArray, response: Response, at: FloatArray
 ) -> FloatArray:
     """Set-points at some times of the plan, shape (k, 7), rad."""
-    number = np.minimum(np.searchsorted(ends, at, side="left"), len(moves) - 1)
+    number = np.minimum(np.searchsorted(ends, at, side="left"), len(motions) - 1)
     sent = np.empty((len(at), len(response.lag_s)))
-    for k, trajectory in enumerate(move.trajectory for move in moves):
+    for k, trajectory in enumerate(motions):
         here = number == k
         q, v = positions(trajectory, at[here] - (ends[k] - trajectory.knots_s[-1]))
         led = q + response.lead_s * response.speed * v

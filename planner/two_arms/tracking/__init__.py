@@ -1,0 +1,1 @@
+"""Tracking proofs of plans of both arms."""

@@ -1,0 +1,342 @@
+"""Both arms apart, and both hands in one body, wherever the joints of both may be on the clock.
+
+**Hands.** An arm goes through the states of its hand (`planner.two_arms.across.Episode`). On an arm
+that lags, a state may be there longer than its window of the clock: what the hand held before an
+action, until the action is over at the latest; what it holds after it, from when it begins at the
+earliest. So states overlap, and every state of one hand is proven with every state of the other
+that may occur at the same time.
+
+A body that is handed over rests between both hands while these act. It belongs to neither
+then; each arm's own plan has it there. So states do not overlap beside a handover.
+
+**Clocks.** What is sent to both arms at one tick is in force at times that differ by the skew at
+most. Where one arm is on the clock at an instant, the other may be anywhere that it is within that
+much of it. In a box of 14 joints, both arms may be anywhere in their boxes, independently.
+
+**Two hands in one body** cannot be apart. Let d be the displacement of each tip from where it is
+planned at that instant. The pose of one hand, seen from the other, is off by the difference of both
+at most, so the distance of the tips changes by no more. Each d is bounded, in a box of joints, by
+that of the middle and a radius; what is common to both arms cancels out. What this does to the
+body, or the fingers, is not proven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from baxter_kin.display import clear, millimetres, phrase
+from baxter_kin.fields import frozen
+from baxter_kin.kinematics.arm import LIMBS, other_than
+from baxter_kin.validation import FloatArray, Indices
+from planner.clearance import Clearance
+from planner.collision.tube_proof import JointTube, TubeClearance, TubeProofs
+from planner.errors import TaskError
+from planner.manipulator import Manipulator
+from planner.motion.path_deviation import PathDeviation
+from planner.pick_place.tracked_runs import unclear
+from planner.plan import Grip, GripperAction, Plan
+from planner.trajectory import Trajectory
+from planner.two_arms.across import Across, Episode, changes_of, episodes_of
+from planner.two_arms.plan import SAME_TIME_S, TwoArmPlan
+from planner.two_arms.problem import handed_over
+from planner.two_arms.tracking.clocked_arm import SINCE_BEGINNING, Clip, ClockedArm, ClockTube
+
+
+@frozen(error=TaskError, eq=True)
+class ApartTracking:
+    """The proof of both arms against each other, with the hands in one state each.
+
+    Attributes:
+        begin_s: on the clock, from when both states may be there.
+        end_s: until when they may be; infinite for all times after the last step.
+        clearance_m: lower bound on the distance of both arms, with the bodies that they handle; not
+            positive where that could not be proven.
+        nearest: the smallest distance found where the arms may be, with its time since the
+            beginning; None where nothing can come near.
+        failure: why it is not proven; None where it is.
+    """
+
+    begin_s: float
+    end_s: float
+    clearance_m: float
+    nearest: Clearance | None
+    failure: str | None = None
+
+    @property
+    def label(self) -> str:
+        """From when to when, in words."""
+        until = "the end" if np.isinf(self.end_s) else f"{self.end_s:.2f} s"
+        return f"both arms, {self.begin_s:.2f} s to {until}"
+
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self.label), self.failure or clear(self.clearance_m)
+
+
+@frozen(error=TaskError, eq=True)
+class HandsTracking:
+    """The bound on two hands that hold one body, which are not apart.
+
+    Attributes:
+        body: its name.
+        apart_m: maximum displacement of one tip, seen from the other, from where it is planned.
+        time_s: on the clock, when that may be.
+        failure: why that is too much; None where it is not.
+    """
+
+    body: str
+    apart_m: float
+    time_s: float
+    failure: str | None = None
+
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self.body), self.failure or f"hands up to {millimetres(self.apart_m)} off"
+
+
+class _Extent(NamedTuple):
+    """When a state of a hand may be there, on the clock, and where its arm is settled meanwhile."""
+
+    begin_s: float
+    end_s: float
+    clip: Clip | None
+
+
+class BothApart:
+    """The proofs of both arms against each other."""
+
+    def __init__(
+        self,
+        plan: TwoArmPlan,
+        manipulators: Mapping[str, Manipulator],
+        arms: Mapping[str, ClockedArm],
+    ) -> None:
+        """Derive the states of both hands, and when they may be there."""
+        self._arms, self._manipulators = arms, manipulators
+        gripped = {side: _gripped(plan.plans[side]) for side in LIMBS}
+        given = {side: handed_over(plan.plans[side]) for side in LIMBS}
+        together = gripped["left"] & gripped["right"]
+        exchanged = given["left"] | given["right"]
+        carried = together - exchanged
+        episodes = {
+            side: episodes_of(
+                plan.plans[side],
+                manipulators[side],
+                gripped[side] - carried,
+                given[other_than(side)],
+            )
+            for side in LIMBS
+        }
+        robot = manipulators[LIMBS[0]].robot
+        q_others = robot.configuration(dict(plan.start.joints))
+        self._across = Across(manipulators, episodes, q_others, 0.0)
+        self._extents = {
+            side: list(_extents(plan, side, episodes[side], exchanged, arms[side].clips))
+            for side in LIMBS
+        }
+        self._proofs: dict[tuple[int, int], tuple[TubeProofs, Indices]] = {}
+        self._held = [(name, *_held_s(plan, name)) for name in sorted(together)]
+
+    def track(
+        self, tubes: Mapping[str, ClockTube], skew_s: float, margin_m: float
+    ) -> Iterator[ApartTracking]:
+        """The proof of all states of both hands that may be there at once."""
+        for (begin_s, end_s), proof in self._prove(tubes, skew_s, margin_m, is_tight=True):
+            nearest = proof.nearest if proof.nearest.first else None
+            failure = None if proof.is_clear else unclear(proof, SINCE_BEGINNING)
+            yield ApartTracking(begin_s, end_s, proof.proven_m, nearest, failure)
+
+    def passes(self, tubes: Mapping[str, ClockTube], skew_s: float, margin_m: float) -> bool:
+        """Whether `track` reports no failure; faster than that."""
+        found = self._prove(tubes, skew_s, margin_m, is_tight=False)
+        return all(proof.is_clear for _, proof in found)
+
+    def hands(
+        self, tubes: Mapping[str, ClockTube], skew_s: float, most_m: float
+    ) -> Iterator[HandsTracking]:
+        """The bounds on both hands in each body that both hold."""
+        for name, begin_s, end_s, clips in self._held:
+            speed = tubes["left"].response.speed
+            clock = _BothClocked(tubes, skew_s, {side: [clips[side]] for side in LIMBS})
+            off_m, at_s = self._hands_off(clock.during(begin_s, end_s, (0, 0)), speed)
+            failure = None
+            if not off_m <= most_m:
+                failure = (
+                    f"the hands that hold {name} may be {1e3 * off_m:.1f} mm off their places to "
+                    f"each other; at most {1e3 * most_m:.1f} mm are allowed"
+                )
+            yield HandsTracking(name, off_m, at_s, failure)
+
+    def _prove(
+        self,
+        tubes: Mapping[str, ClockTube],
+        skew_s: float,
+        margin_m: float,
+        *,
+        is_tight: bool,
+    ) -> Iterator[tuple[tuple[float, float], TubeClearance]]:
+        skew_clock_s = tubes["left"].response.speed * skew_s
+        clips = {
+            side: [[] if each.clip is None else [each.clip] for each in self._extents[side]]
+            for side in LIMBS
+        }
+        clock = _BothClocked(tubes, skew_s, clips)
+        for left, ours in enumerate(self._extents["left"]):
+            for right, theirs in enumerate(self._extents["right"]):
+                begin_s = max(ours.begin_s, theirs.begin_s - skew_clock_s)
+                end_s = min(ours.end_s, theirs.end_s + skew_clock_s)
+                if end_s - begin_s <= SAME_TIME_S:
+                    continue
+                tube = clock.during(begin_s, end_s, (left, right))
+                proofs, pairs = self._proofs_of((left, right))
+                found = proofs.prove(tube, pairs=pairs, margin_m=margin_m, is_tight=is_tight)
+                yield (max(begin_s, 0.0), end_s), found
+
+    def _proofs_of(self, at: tuple[int, int]) -> tuple[TubeProofs, Indices]:
+        if at not in self._proofs:
+            context = self._across.context(at)
+            pairs = np.arange(len(context.checker.checked.pairs))
+            self._proofs[at] = TubeProofs(context.checker, context.q_others), pairs
+        return self._proofs[at]
+
+    def _hands_off(self, tube: JointTube, speed: float) -> tuple[float, float]:
+        """The greatest difference of both tips' displacements, m, and its time on the clock."""
+        low, high = tube.lowest, tube.highest
+        lows, highs = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+        clock_s = speed * 0.5 * (tube.times_s[:-1] + tube.times_s[1:])
+        off, radii = np.zeros((tube.cells, 3)), np.zeros(tube.cells)
+        for number, side in enumerate(LIMBS):
+            own = slice(7 * number, 7 * number + 7)
+            motion, arm = self._arms[side].motion, self._manipulators[side].arm
+            q = motion.sample(np.clip(clock_s, 0.0, motion.duration)).q
+            rest = PathDeviation(arm, Trajectory.stay(motion.q_start, motion.limits))
+            middles, spread = rest.tips_in_boxes(lows[:, own], highs[:, own])
+            planned, _ = rest.tips_in_boxes(q, q)
+            off += (middles - planned) * (1.0 if number else -1.0)
+            radii += spread
+        off_m = np.linalg.norm(off, axis=1) + radii
+        worst = int(off_m.argmax())
+        return float(off_m[worst]), float(clock_s[worst])
+
+
+def _gripped(plan: Plan) -> frozenset[str]:
+    """The bodies that an arm handles."""
+    grips = (step for step in plan if isinstance(step, Grip))
+    return frozenset(grip.body for grip in grips if grip.body is not None)
+
+
+def _extents(
+    plan: TwoArmPlan,
+    side: str,
+    episodes: Sequence[Episode],
+    exchanged: frozenset[str],
+    clips: Mapping[int, Clip],
+) -> Iterator[_Extent]:
+    """When each state of a hand may be there."""
+    own, begins_s = plan.plans[side], plan.begins_s[side]
+    changes = changes_of(own, begins_s, plan.grip_s, episodes).tolist()
+    begins, ends = [0.0, *changes], [*changes, np.inf]
+
+    def clip_of(number: int) -> Clip | None:
+        """Where the arm is settled in an action that states overlap in; None without one."""
+        if not 0 <= number < len(episodes) or not episodes[number].is_grip:
+            return None
+        step = own.steps[episodes[number].first]
+        is_exchange = isinstance(step, Grip) and step.body in exchanged and _is_handed(own, step)
+        return None if is_exchange else clips[episodes[number].first]
+
+    for number, episode in enumerate(episodes):
+        before, after = clip_of(number - 1), clip_of(number + 1)
+        if episode.is_grip:  # until the arm is settled, the state before is there, if there is one
+            is_later = number > 0 and not episodes[number - 1].is_grip
+            yield _Extent(begins[number], ends[number], clip_of(number) if is_later else None)
+            continue
+        begin_s = begins[number] if before is None else min(before.begin_s, begins[number])
+        end_s = ends[number] if after is None else max(after.end_s, ends[number])
+        yield _Extent(begin_s, end_s, before)
+
+
+def _is_handed(plan: Plan, grip: Grip) -> bool:
+    """Whether an action hands a body over, or takes one from the other hand."""
+    if grip.receiver:
+        return True
+    is_given = grip.body in handed_over(plan)
+    return not is_given and grip.action is GripperAction.CLOSE
+
+
+class _BothClocked:
+    """The tubes of both arms at the same instants, the right one for a clock that is off."""
+
+    def __init__(
+        self,
+        tubes: Mapping[str, ClockTube],
+        skew_s: float,
+        clips: Mapping[str, Sequence[Sequence[Clip]]],
+    ) -> None:
+        """Clip the tubes.
+
+        Args:
+            tubes: of both arms, at one speed.
+            skew_s: maximum difference of both clocks.
+            clips: lists of intervals of each arm in which it is settled, by its state.
+        """
+        longest = max((tube.joints for tube in tubes.values()), key=lambda tube: tube.cells)
+        self._times_s, self._speed = longest.times_s, tubes["left"].response.speed
+        step_s = float(longest.times_s[1] - longest.times_s[0])
+        skew = int(np.ceil(skew_s / step_s - 1e-9))
+        self._bounds = {
+            side: [
+                _skewed(_prolonged(_settled(tubes[side], each), len(longest.times_s)), cells)
+                for each in clips[side]
+            ]
+            for side, cells in zip(LIMBS, (0, skew), strict=True)
+        }
+
+    def during(self, begin_s: float, end_s: float, at: tuple[int, int]) -> JointTube:
+        """The tube of both between two times on the clock, by the numbers of both states."""
+        both = [self._bounds[side][number] for side, number in zip(LIMBS, at, strict=True)]
+        low, high = (np.concatenate(bounds, axis=1) for bounds in zip(*both, strict=True))
+        tube = JointTube(self._times_s, low, high)
+        return tube.between(begin_s / self._speed, end_s / self._speed)
+
+
+def _settled(tube: ClockTube, clips: Sequence[Clip]) -> JointTube:
+    """The tube of an arm that is settled in some intervals."""
+    for clip in clips:
+        tube = tube._replace(joints=tube.clipped(clip))
+    return tube.joints
+
+
+def _prolonged(tube: JointTube, count: int) -> tuple[FloatArray, FloatArray]:
+    """The bounds of a tube at more instants; its last cell stands for all later times."""
+    more = ((0, count - tube.cells - 1), (0, 0))
+    low, high = (np.pad(bound, more, mode="edge") for bound in (tube.lowest, tube.highest))
+    if more[0][1]:
+        low[tube.cells :], high[tube.cells :] = tube.hull(tube.cells - 1, tube.cells)
+    return low, high
+
+
+def _skewed(bounds: tuple[FloatArray, FloatArray], cells: int) -> tuple[FloatArray, FloatArray]:
+    """Bounds on what is there up to some cells earlier or later."""
+    low, high = (
+        np.lib.stride_tricks.sliding_window_view(
+            np.pad(bound, ((cells, cells), (0, 0)), mode="edge"), 2 * cells + 1, axis=0
+        )
+        for bound in bounds
+    )
+    return low.min(axis=-1), high.max(axis=-1)
+
+
+def _held_s(plan: TwoArmPlan, name: str) -> tuple[float, float, dict[str, list[Clip]]]:
+    """When both hands may hold a body, and where each arm is settled meanwhile."""
+    begins, ends, clips = list[float](), list[float](), dict[str, list[Clip]]()
+    for side in LIMBS:
+        motion, clips[side] = plan.motion_of(side), []
+        for timed in plan.steps_of(side):
+            if not isinstance(timed.step, Grip) or timed.step.body != name:
+                continue
+            clips[side].append(Clip(timed.begin_s, timed.end_s, motion.sample(timed.begin_s).q))
+            is_close = timed.step.action is GripperAction.CLOSE
+            (begins if is_close else ends).append(timed.begin_s if is_close else timed.end_s)
+    return max(begins), min(ends), clips

@@ -1,0 +1,1 @@
+"""Checks of plans on arms that lag behind their set-points."""
