@@ -38,6 +38,7 @@ with a load, only other data can show.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -506,18 +507,41 @@ def save_response(response: Response, limb: str, path: PathLike) -> None:
 
 def load_response(path: PathLike, limb: str) -> Response:
     """Read how an arm follows its set-points."""
+    of, response = _loaded(path)
+    if of != limb:
+        raise ResponseError(f"{shown_path(path)} is of the {of} arm, not of the {limb} one")
+    return response
+
+
+def load_responses(paths: Iterable[PathLike]) -> dict[str, Response]:
+    """Read how several arms follow their set-points, one file each; "left" or "right" -> response.
+
+    Raises:
+        ResponseError: when a file cannot be read, or two are of the same arm.
+    """
+    found: dict[str, Response] = {}
+    for path in paths:
+        limb, response = _loaded(path)
+        if limb in found:
+            raise ResponseError(f"{shown_path(path)} is of the {limb} arm, as another file is")
+        found[limb] = response
+    return found
+
+
+def _loaded(path: PathLike) -> tuple[str, Response]:
+    """The arm that a file is of, and its response."""
     try:
         with open_to_read(path) as stream:
             content = stream.read(MAX_BYTES)
     except (FileError, OSError) as cause:
         raise ResponseError(f"the response cannot be read: {cause}") from cause
     try:
-        return _read(content, limb)
+        return _read(content)
     except ResponseError as cause:
         raise ResponseError(f"{shown_path(path)} {cause}") from cause
 
 
-def _read(content: bytes, limb: str) -> Response:
+def _read(content: bytes) -> tuple[str, Response]:
     data = from_text(content, ResponseError)
     stated = data.get("format") if isinstance(data, dict) else None
     if stated != FORMAT:
@@ -527,6 +551,4 @@ def _read(content: bytes, limb: str) -> Response:
             "--identify left --output FILE writes one"
         )
     document: _Document = from_json(data, _Document, "response", ResponseError)
-    if document.limb != limb:
-        raise ResponseError(f"is of the {document.limb} arm, not of the {limb} one")
-    return Response(document.lag_s, document.settled_error_rad)
+    return document.limb, Response(document.lag_s, document.settled_error_rad)

@@ -11,7 +11,7 @@ SIGTERM, after which the arms hold where they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,6 @@ if TYPE_CHECKING:  # --help needs none of them
 
 TERMINAL = Terminal("baxter-execute")
 PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
-NO_TRACKING = "there is no tracking proof of both arms; leave out --lag-s and --response"
 RECORDING, TOLERANCE_RAD = "a recording", 0.01
 
 
@@ -124,12 +123,14 @@ class ExecuteOptions:
         exclusive="response",
         help="how much each joint may lag; the plan is then proven clear wherever that leads",
     )
-    response: str | None = option(
+    response: tuple[str, ...] = option(
         "--response",
         metavar="FILE",
+        repeats=True,
         group=LAG,
         exclusive="response",
-        help="the same as baxter-check --identify has measured it",
+        help="the same as baxter-check --identify has measured it; for a plan of both arms, one of "
+        "each",
     )
     settled_error_rad: float | None = option(
         "--settled-error-rad",
@@ -184,7 +185,7 @@ class ExecuteOptions:
             raise UsageError(
                 "--settled-error-rad goes with --lag-s; give both, or --response alone"
             )
-        if self.ignores_lag and self.lag_s is None and self.response is None:
+        if self.ignores_lag and self.lag_s is None and not self.response:
             raise UsageError("--despite-lag is for a known lag; give --lag-s or --response, too")
         if self.is_dry_run and (self.files.record or self.files.csv is not None):
             raise UsageError(
@@ -213,16 +214,11 @@ def _loaded(options: ExecuteOptions, signals: Signals) -> int:
         if options.is_of_recording:
             recording = _recording(options)
             limb = options.limb or recording.limbs[0]
-            return _connected(
-                options, recording, _settings(options, _response(options, limb)), signals
-            )
+            how = _settings(options, _response(options, [limb]))
+            return _connected(options, recording, how, signals)
         plan = load_any_plan(options.plan)
-        if isinstance(plan, TwoArmPlan):
-            if options.lag_s is not None or options.response is not None:
-                return TERMINAL.complain(NO_TRACKING, EXIT_USAGE)
-            response = None
-        else:
-            response = _response(options, plan.limb)
+        limbs = LIMBS if isinstance(plan, TwoArmPlan) else [plan.limb]
+        response = _response(options, limbs)
     except (PlanFileError, RecordingError, ResponseError) as error:
         return TERMINAL.complain(str(error), EXIT_USAGE)
     if plan.failure is not None:
@@ -294,10 +290,9 @@ def _connected(
         for text in ready.guarded():
             TERMINAL.say(f"     {text}")
         if options.is_dry_run:
-            if isinstance(ready, ReadyTwoArmPlan):
-                TERMINAL.say("not proven: how the arms lag, which is not known of both")
-            elif how.response is None:
-                TERMINAL.say("not proven: how the arm lags (--response)")
+            if how.response is None:
+                whose = "the arms lag" if isinstance(ready, ReadyTwoArmPlan) else "the arm lags"
+                TERMINAL.say(f"not proven: how {whose} (--response)")
             TERMINAL.say(f"would move: {ready.summary}")
             return 0
         observers = file_observers(options.files, ready.robot, stack)
@@ -344,7 +339,9 @@ def _ended(outcome: MeasuredOutcome, signals: Signals, holding: str) -> int:
     return TERMINAL.complain(outcome.failure + (f"; {holding}" if holds else ""), status)
 
 
-def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOptions:
+def _settings(
+    options: ExecuteOptions, response: Response | Mapping[str, Response] | None
+) -> ExecutionOptions:
     from sim.ros1.execution.readiness import ExecutionOptions  # noqa: PLC0415
     from sim.ros1.execution.set_points import Pace  # noqa: PLC0415
     from sim.simulation import Dwell  # noqa: PLC0415
@@ -358,12 +355,22 @@ def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOp
     )
 
 
-def _response(options: ExecuteOptions, limb: str) -> Response | None:
+def _response(
+    options: ExecuteOptions, limbs: Sequence[str]
+) -> Response | Mapping[str, Response] | None:
+    """How the arms that move follow; None where it is not known."""
     from planner import Response  # noqa: PLC0415
-    from planner.motion.response import load_response  # noqa: PLC0415
+    from planner.errors import ResponseError  # noqa: PLC0415
+    from planner.motion.response import load_responses  # noqa: PLC0415
 
-    if options.response is not None:
-        return load_response(options.response, limb)
+    if options.response:
+        found = load_responses(options.response)
+        if set(found) != set(limbs):
+            raise ResponseError(
+                f"--response is given of {' and '.join(found)}, and {options.plan} is of "
+                f"{' and '.join(limbs)}; give one file of each arm that moves"
+            )
+        return found
     if options.lag_s is None:
         return None
     if options.settled_error_rad is None:

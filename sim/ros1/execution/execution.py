@@ -138,8 +138,6 @@ class RosExecutor(NotCopied, OneLine):
     def prepare(self, plan: Plan | TwoArmPlan) -> Readiness[ReadyPlan] | Readiness[ReadyTwoArmPlan]:
         """Whether a plan may be executed on the robot as it stands; nothing is sent.
 
-        A plan of both arms is refused with a response, as there is no tracking proof of both.
-
         Raises:
             SimulationError: when the plan is invalid.
             RosError: when the master cannot be reached.

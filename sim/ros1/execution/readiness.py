@@ -28,7 +28,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.description.hands import finger_joints
 from baxter_kin.display import OneLine, clear, count, phrase, seconds
 from baxter_kin.errors import BaxterError
-from baxter_kin.fields import evolve, field, frozen
+from baxter_kin.fields import FrozenMapping, evolve, field, frozen
 from baxter_kin.kinematics.arm import JOINTS, LIMBS, MAX_SPEED_RAD_S, arm_joints
 from baxter_kin.validation import FloatArray, expect, positive_scalar
 from planner import (
@@ -38,9 +38,12 @@ from planner import (
     Plan,
     Response,
     TrackingProof,
+    TwoArmCertificate,
     TwoArmPlan,
+    TwoArmTrackingProof,
     plan_start_move,
     prove_tracking,
+    prove_tracking_of_both,
     verify,
     verify_both,
 )
@@ -59,11 +62,11 @@ from sim.ros1.execution.link import (
     command_topic,
 )
 from sim.ros1.execution.set_points import (
-    RESERVE_S,
     Pace,
     SentMotion,
     parts_of,
     ramp_s_for,
+    slowing_s_for,
     speed_ratio_for,
     too_fast,
 )
@@ -87,12 +90,19 @@ TRACKING_MARGIN_RAD = 0.02
 
 START_MOVE_LABEL = "move to start"
 
+PROVING = "proving clearance for every path within the tracking error; this takes a few seconds"
+
 SOFT_SPEED = 0.3
 """Maximum speed of the move to a plan's start, relative to the limits, however fast the plan itself
 is carried out: nobody has asked for that move."""
 
 _LOG = logging.getLogger(__name__)
 """Announces what takes seconds."""
+
+
+def _kept(given: object) -> object:
+    """A read-only copy of a mapping; anything else as it is."""
+    return FrozenMapping(given) if isinstance(given, Mapping) else given
 
 
 @frozen(error=SimulationError, eq=True)
@@ -103,8 +113,9 @@ class ExecutionOptions:
         pace: speed and lead.
         dwell: minimum duration of closing and opening; a second each, as in the original.
         timeout_s: of the whole execution; None for none.
-        response: how the arm follows, for the tracking proof; None where it is not known. Its speed
-            and lead are those of the pace.
+        response: how the arms follow, for the tracking proof: one response of each arm that is
+            driven, or "left" and "right" -> their own; None where it is not known. Speed and lead
+            are those of the pace.
         despite_lag: whether a simulated Baxter executes what the tracking proof refuses.
 
     Raises:
@@ -114,24 +125,27 @@ class ExecutionOptions:
     pace: Pace = field(factory=Pace)
     dwell: Dwell = field(factory=lambda: Dwell(1.0, 1.0))
     timeout_s: float | None = None
-    response: Response | None = None
+    response: Response | Mapping[str, Response] | None = field(default=None, converter=_kept)
     despite_lag: bool = False
 
     def __attrs_post_init__(self) -> None:
         if self.timeout_s is not None:
             positive_scalar(self.timeout_s, "timeout_s", SimulationError)
 
-    @property
-    def sent_response(self) -> Response | None:
-        """The response at the speed and lead of the pace; None where it is not known."""
-        if self.response is None:
+    def response_of(self, limb: str) -> Response | None:
+        """An arm's response at the speed and lead of the pace; None where it is not known."""
+        given = self.response
+        own = given.get(limb) if isinstance(given, Mapping) else given
+        if own is None:
             return None
-        return evolve(self.response, speed=self.pace.speed, lead_s=self.pace.lead_s)
+        return evolve(own, speed=self.pace.speed, lead_s=self.pace.lead_s)
 
     @property
     def rest_s(self) -> float:
         """Minimum time that a motion's last set-point stands; the tracking proof assumes it."""
-        return (self.sent_response or Response((0.0, 0.0), speed=self.pace.speed)).rest_s
+        known = [self.response_of(limb) for limb in LIMBS]
+        none = Response((0.0, 0.0), speed=self.pace.speed)
+        return max((each or none).rest_s for each in known)
 
 
 @frozen(error=SimulationError, eq=True)
@@ -595,6 +609,20 @@ class _Check:
                 )
         return clearances
 
+    def _despite(self, text: str) -> None:
+        """Refuse a plan whose tracking is not proven, unless it is to be carried out all the same.
+
+        Args:
+            text: why it is not proven.
+        """
+        if not self._options.despite_lag:
+            raise _RefusedError("tracking", text)
+        if not self._link.is_simulated:
+            raise _RefusedError(
+                "tracking", f"{text}; only a simulated Baxter carries out a plan despite its lag"
+            )
+        self._found("tracking", f"carried out despite this: {text}")
+
     def _check_speeds(self, peaks: FloatArray) -> None:
         for joint in too_fast(peaks):
             raise _RefusedError(
@@ -625,12 +653,7 @@ class _PlanCheck(_Check):
         proof = self._tracking(plan, manipulator)
         if proof is None:
             return ready
-        clearances = tuple(
-            evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + TRACKING_MARGIN_RAD))
-            for each, move in zip(ready.clearances, proof.moves, strict=True)
-        )
-        ratio = speed_ratio_for(np.maximum(ready.peaks, proof.rate_rad_s))
-        return evolve(ready, clearances=clearances, ratio=ratio)
+        return _with_tracking(ready, proof)
 
     def _from_here(self, manipulator: Manipulator, state: State) -> Plan:
         """The plan from where the arm stands, with a move to its start first if one is needed."""
@@ -663,26 +686,15 @@ class _PlanCheck(_Check):
 
     def _tracking(self, plan: Plan, manipulator: Manipulator) -> TrackingProof | None:
         """The proof that every path that the joints may take is clear, if a response is known."""
-        response = self._options.sent_response
+        response = self._options.response_of(plan.limb)
         if response is None:
             return None
-        _LOG.info(
-            "proving clearance for every path within the tracking error; this takes a few seconds"
-        )
+        _LOG.info(PROVING)
         proof = prove_tracking(plan, response, manipulator=manipulator)
         if proof.is_valid:
-            deviation = max((move.deviation_rad for move in proof.moves), default=0.0)
-            text = f"clear wherever the lag leads, {deviation:.3f} rad off at most"
-            self._found("tracking", text)
+            self._found("tracking", _tracked(proof))
             return proof
-        text = str(proof.failure)
-        if not self._options.despite_lag:
-            raise _RefusedError("tracking", text)
-        if not self._link.is_simulated:
-            raise _RefusedError(
-                "tracking", f"{text}; only a simulated Baxter carries out a plan despite its lag"
-            )
-        self._found("tracking", f"carried out despite this: {text}")
+        self._despite(str(proof.failure))
         return None
 
 
@@ -697,10 +709,6 @@ class _TwoArmCheck(_Check):
 
     def ready(self) -> ReadyTwoArmPlan:
         """What would be sent."""
-        if self._options.response is not None:
-            raise _RefusedError(
-                "tracking", "there is no tracking proof of both arms; leave out the response"
-            )
         for side in LIMBS:
             if not self._plan.plans[side].moves:
                 raise _RefusedError("plan", f"the {side} arm has no moves; plan for one arm")
@@ -715,16 +723,56 @@ class _TwoArmCheck(_Check):
             side: self._completed(own, manipulators[side]) for side, own in started.plans.items()
         }
         plan = evolve(started, plans=plans)
-        apart_m = self._apart_m(plan, robot)
+        certificate = self._certificate(plan, robot)
         arms = {side: self._sent(plans[side], manipulators[side]) for side in LIMBS}
-        return ReadyTwoArmPlan(plan, arms, apart_m, ramp_s)
+        proof = self._tracking(plan, robot, ramp_s, holds_together=bool(certificate.checks))
+        if proof is not None:
+            arms = {side: _with_tracking(arms[side], proof.arms[side]) for side in LIMBS}
+        return ReadyTwoArmPlan(plan, arms, certificate.clearance_m, ramp_s)
+
+    def _tracking(
+        self, plan: TwoArmPlan, robot: Baxter, ramp_s: float, *, holds_together: bool
+    ) -> TwoArmTrackingProof | None:
+        """The proof that all paths that both arms may take are clear, if responses are known.
+
+        Args:
+            plan: the plan, complete.
+            robot: the robot as it stands.
+            ramp_s: how long the clock takes to slow to rest.
+            holds_together: whether both hands hold one body, which is not for arms that may lag in
+                any way.
+        """
+        known = {side: self._options.response_of(side) for side in LIMBS}
+        responses = {side: of for side, of in known.items() if of is not None}
+        if len(responses) == len(LIMBS):
+            _LOG.info(PROVING)
+            arms = {side: Manipulator.of(robot, side) for side in LIMBS}
+            slowing_s = slowing_s_for(ramp_s, self._options.pace.speed)
+            proof = prove_tracking_of_both(plan, responses, manipulators=arms, slowing_s=slowing_s)
+            if proof.is_valid:
+                deviations = "; ".join(_tracked(proof.arms[side], side) for side in LIMBS)
+                self._found("tracking", f"{deviations}; {clear(proof.apart_m)} of each other")
+                return proof
+            self._despite(str(proof.failure))
+        elif responses:
+            raise _RefusedError(
+                "tracking", f"the response of the {next(iter(responses))} arm alone is given"
+            )
+        elif holds_together:
+            text = "both hands hold one body, and how the arms lag is not known"
+            if not self._link.is_simulated:
+                raise _RefusedError(
+                    "tracking", f"{text}; only a simulated Baxter carries out such a plan"
+                )
+            self._found("tracking", f"carried out despite this: {text}")
+        return None
 
     def _ramp_s(self, plan: TwoArmPlan) -> float:
         """How long the clock takes to slow to rest, which a gripper action must leave time for."""
         speed, grip_s = self._options.pace.speed, plan.grip_s
         moves = [move for side in LIMBS for move in plan.plans[side].moves]
         ramp_s = ramp_s_for([move.trajectory for move in moves], speed)
-        if speed * (0.5 * ramp_s + RESERVE_S) >= grip_s:
+        if slowing_s_for(ramp_s, speed) >= grip_s:
             raise _RefusedError(
                 "speed",
                 f"at speed {speed:g} the arms cannot be slowed to rest along their paths while a "
@@ -803,8 +851,8 @@ class _TwoArmCheck(_Check):
         start = evolve(plan.start, joints=joints)
         return evolve(plan, start=start, steps=bare, robot=Manipulator.of(robot, side).identity)
 
-    def _apart_m(self, plan: TwoArmPlan, robot: Baxter) -> float:
-        """The proven distance of both arms, as the robot stands."""
+    def _certificate(self, plan: TwoArmPlan, robot: Baxter) -> TwoArmCertificate:
+        """The certificate of the plan, as the robot stands."""
         _LOG.info("verifying the plan in the state that the robot reports: some seconds")
         try:
             certificate = verify_both(plan, description=robot.description)
@@ -813,20 +861,30 @@ class _TwoArmCheck(_Check):
         if not certificate.is_valid:
             raise _RefusedError("plan", certificate.verdict)
         self._found("plan", certificate.verdict)
-        if certificate.checks:
-            text = "both hands hold one body; no proof says how far arms that lag leave it"
-            if not self._link.is_simulated:
-                raise _RefusedError(
-                    "tracking", f"{text}; only a simulated Baxter carries out such a plan"
-                )
-            self._found("tracking", f"carried out despite this: {text}")
         if certificate.clearance_m <= KEPT_M:
             raise _RefusedError(
                 "clearance",
                 f"the arms are {clear(certificate.clearance_m)} of each other, and more than "
                 f"{1e3 * KEPT_M:g} mm are needed; plan with a greater margin",
             )
-        return certificate.clearance_m
+        return certificate
+
+
+def _tracked(proof: TrackingProof, side: str = "") -> str:
+    """What was proven of an arm that lags."""
+    deviation = max((move.deviation_rad for move in proof.moves), default=0.0)
+    whose = f"{side} arm " if side else ""
+    return f"{whose}clear wherever the lag leads, {deviation:.3f} rad off at most"
+
+
+def _with_tracking(ready: ReadyPlan, proof: TrackingProof) -> ReadyPlan:
+    """What would be sent to an arm whose tracking is proven."""
+    clearances = tuple(
+        evolve(each, max_off_rad=min(MAX_OFF_RAD, move.deviation_rad + TRACKING_MARGIN_RAD))
+        for each, move in zip(ready.clearances, proof.moves, strict=True)
+    )
+    ratio = speed_ratio_for(np.maximum(ready.peaks, proof.rate_rad_s))
+    return evolve(ready, clearances=clearances, ratio=ratio)
 
 
 def _alone(robot: Baxter, side: str, joints: Mapping[str, float]) -> Manipulator:

@@ -261,6 +261,16 @@ def ramp_s_for(trajectories: Iterable[Trajectory], speed: float) -> float:
     return ramp_s
 
 
+def slowing_s_for(ramp_s: float, speed: float) -> float:
+    """By how much a clock passes at most while it slows to rest, with its reserve, or begins again.
+
+    Args:
+        ramp_s: how long the rate takes from one to zero.
+        speed: of the clock to time, in (0, 1].
+    """
+    return speed * (0.5 * ramp_s + RESERVE_S)
+
+
 class CommonClock:
     """The clock of a plan of both arms, which can be slowed to rest and go on again.
 

@@ -15,6 +15,7 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, Plan, Response, TwoArmPlan, save_two_arm_plan
+from planner.motion.response import save_response
 from planner.pick_place.tracking import TrackingProof, prove_tracking
 from sim import Event, EventKind, Observer, Simulation, World
 from sim.ros1 import execute as executing
@@ -288,6 +289,19 @@ def plan_file(two_arm_plan: TwoArmPlan, tmp_path: Path) -> Path:  # noqa: F811
     return tmp_path / "both.json"
 
 
+def test_the_command_wants_the_responses_of_all_arms_that_move(
+    plan_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left = tmp_path / "left.json"
+    save_response(Response((0.0, 0.1)), "left", left)
+    for files in ([left], [left, left]):
+        given = [word for file in files for word in ("--response", str(file))]
+        assert executing.main([str(plan_file), *given]) == 2
+    said = capsys.readouterr().err
+    assert "one file of each arm that moves" in said
+    assert "as another file is" in said
+
+
 @pytest.mark.slow
 def test_the_command_carries_out_a_plan_file_of_both_arms_from_elsewhere(
     robot: Baxter,
@@ -303,7 +317,6 @@ def test_the_command_carries_out_a_plan_file_of_both_arms_from_elsewhere(
     start = {side: two_arm_plan.plans[side].q_start + ELSEWHERE for side in LIMBS}
     bodies = two_arm_plan.start.scene
     with halves_at(robot, bodies, start, own_master, name="/looker") as both:
-        assert executing.main([str(plan_file), "--lag-s", "0", "0.1"]) == 2
         options = "--yes", "--speed", "0.2", "--dwell-s", "0.2"
         assert executing.main([str(plan_file), *options]) == 0
         assert_at_rest(both)

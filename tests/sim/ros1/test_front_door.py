@@ -55,6 +55,7 @@ BAD: dict[str, Callable[[], object]] = {
     "a way that is a word": lambda: Following("lazy"),  # type: ignore[arg-type]
     "options of numbers": lambda: ExecutionOptions(0.3),  # type: ignore[arg-type]
     "a time-out of nothing": lambda: ExecutionOptions(timeout_s=0.0),
+    "a response of a number": lambda: ExecutionOptions(response={"left": 0.3}),  # type: ignore[dict-item]
 }
 
 

@@ -294,7 +294,7 @@ class Refusal:
 
 REFUSALS = [
     Refusal("speed", "lower speed", evolve(FAST, pace=Pace(1.0))),
-    Refusal("tracking", "no tracking proof", evolve(FAST, response=Response((0.1, 0.2)))),
+    Refusal("tracking", "left arm alone", evolve(FAST, response={"left": Response((0.1, 0.2))})),
     Refusal("start", "right_w0 stands", right_w0_off=6.0),
 ]
 
@@ -311,6 +311,37 @@ def test_what_cannot_be_executed_is_refused_and_nothing_is_sent(
     assert [finding.name for finding in found.failures] == [refusal.name]
     assert refusal.text in found.failures[0].text
     assert both.robot.commands == []
+
+
+def test_a_known_lag_is_proven_and_bounds_how_far_joints_may_be_off(
+    both: Network, two_arm_plan: TwoArmPlan, both_ready: ReadyTwoArmPlan
+) -> None:
+    known = {"left": Response((0.02, 0.04), 0.002), "right": Response((0.02, 0.06), 0.002)}
+    found = both.executor(options=evolve(FAST, response=known)).prepare(two_arm_plan)
+    assert found.ready is not None, found.failures
+    (tracking,) = (each for each in found.findings if each.name == "tracking")
+    assert "of each other" in tracking.text
+    for side in LIMBS:
+        for each, unknown in zip(
+            found.ready.arms[side].clearances, both_ready.arms[side].clearances, strict=True
+        ):
+            assert each.max_off_rad < unknown.max_off_rad
+    assert found.ready.apart_m == both_ready.apart_m
+
+
+@pytest.mark.slow
+def test_a_lag_that_is_not_proven_is_carried_out_by_a_simulated_baxter_alone(
+    both: Network, two_arm_plan: TwoArmPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lagging = evolve(FAST, response=Response((0.0, 1.5)))
+    for options in (lagging, evolve(lagging, despite_lag=True)):
+        refused = both.executor(options=options).prepare(two_arm_plan)
+        assert [each.name for each in refused.failures] == ["tracking"]
+    monkeypatch.setattr(BaxterLink, "is_simulated", True)
+    assert both.executor(options=lagging).prepare(two_arm_plan).ready is None
+    found = both.executor(options=evolve(lagging, despite_lag=True)).prepare(two_arm_plan)
+    assert found.ready is not None, found.failures
+    assert any("carried out despite this" in each.text for each in found.findings)
 
 
 def assert_starts_in_order(ready: ReadyTwoArmPlan, order: tuple[str, ...]) -> None:
@@ -395,13 +426,15 @@ def test_a_simulated_baxter_hands_a_body_over(
     ]
 
 
-def test_a_body_in_both_hands_is_refused_where_arms_lag(robot: Baxter) -> None:
+def test_a_body_in_both_hands_is_refused_unless_it_is_known_how_arms_lag(robot: Baxter) -> None:
     manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
     task, state = carries.bar(manipulators)
     plan = plan_pair_carry(task, manipulators, state)
     assert plan.is_valid, plan.failure
     with networked_at(robot, plan) as network:
         found = network.executor().prepare(plan)
-    assert found.ready is None
-    assert [each.name for each in found.failures] == ["tracking"]
-    assert "both hands hold one body" in str(found.failures[0])
+        assert found.ready is None
+        assert [each.name for each in found.failures] == ["tracking"]
+        assert "both hands hold one body" in str(found.failures[0])
+        exact = evolve(FAST, pace=Pace(0.1), response=Response((0.01, 0.02), 0.0005))
+        assert network.executor(options=exact).prepare(plan).ready is not None
