@@ -1,4 +1,7 @@
-"""Hooks of pytest: a share of the slow tests among those collected, with `--slow-share K/N`."""
+"""Hooks of pytest: a share of the slow tests among those collected, with `--slow-share K/N`.
+
+Campaigns are slow tests, too.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     others: list[pytest.Item] = []
     for item in items:
         of_item = zlib.crc32(item.nodeid.encode()) % shares
-        is_chosen = item.get_closest_marker("slow") is None or of_item == number % shares
+        is_slow = any(item.get_closest_marker(name) for name in ("slow", "campaign"))
+        is_chosen = not is_slow or of_item == number % shares
         (chosen if is_chosen else others).append(item)
     items[:] = chosen
     config.hook.pytest_deselected(items=others)
