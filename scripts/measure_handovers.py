@@ -136,7 +136,7 @@ def main(arguments: list[str] | None = None) -> int:
             continue
         certificate = verify_both(plan)
         world = World.from_state(state, robot)
-        outcome = Simulation(world).execute(plan, unverified=True)
+        outcome = Simulation(world).execute(plan, certificate=certificate)
         off_m = np.linalg.norm(
             world.body(kind).T_base_body.translation - task.T_base_goal.translation
         )

@@ -6,15 +6,15 @@ no blind waits: after a grasp the next step begins as soon as the pads are on th
 dwell that was requested.
 
 Moves and opening fingers are checked for contacts (`sim.world.contacts`), whatever a plan states of
-itself. A step is not checked where a certificate of this very plan is given (`planner.verify`) and
-the world is as the step states it.
+itself. A plan is not checked where a certificate of this very plan is given (`planner.verify`), as
+long as the world is as each of its steps states it.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from sim.errors import SimulationError
 from sim.events import EventKind, Observer, stop_text
 from sim.streams import Activities, Activity, Stream, run_streams
 from sim.timeline import DEFAULT_TICK_S, Timeline
-from sim.world.contacts import Contact, ContactWatch, is_as_stated
+from sim.world.contacts import Contact, ContactWatch, is_as_stated, left_out
 from sim.world.gripper import Gripper
 from sim.world.world import World
 
@@ -167,6 +167,7 @@ class Simulation(OneLine):
         self._timeline = Timeline(world, self.grippers, observers, tick_s)
         self._watch = ContactWatch(world)
         self._checks_contacts = expect(check_contacts, bool, "check_contacts", SimulationError)
+        self._is_proven = False  # of this execution: whether the certificate counts so far
         self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
         self._hits: list[Contact] = []  # of this execution
         self._pen: deque[tuple[float, EventKind, str, Body]] = deque()  # likewise, still to come
@@ -222,13 +223,13 @@ class Simulation(OneLine):
         on the clock, whatever the fingers' travel, so no `Dwell` is added. When a step of one arm
         fails, both arms stop where they are at that instant, in the middle of a move, too: this is
         kinematics, and braking along the way is not simulated. The other hand's fingers end what
-        they do. The moves of such a plan are always checked for contacts.
+        they do.
 
         Args:
             plan: a valid plan that starts where its arm stands, or both arms.
             title: put before each caption.
-            certificate: the result of `verify`, or of `verify_both`, for this very plan; a step of
-                one arm's plan is not checked for contacts while the world is as the step states it.
+            certificate: the result of `verify`, or of `verify_both`, for this very plan; it is not
+                checked for contacts as long as the world is as its steps state it.
             unverified: whether the certificate is missing on purpose, so that nothing is logged.
             strokes: what a pen in the hand draws meanwhile, which observers are notified of.
 
@@ -245,15 +246,15 @@ class Simulation(OneLine):
         if strokes is not None and isinstance(plan, TwoArmPlan):
             raise SimulationError("strokes are of one arm; leave them out for a plan of both")
         started_s = self.time_s
-        self._hits, self._title = [], title
+        self._hits, self._title, self._is_proven = [], title, not fault
         self._pen = deque(self._pen_events(strokes))
         if isinstance(plan, TwoArmPlan):
             streams = [Stream(side, self._on_clock(plan, side)) for side in LIMBS]
             self._labels = dict.fromkeys(LIMBS, WAITS)
         else:
-            streams = [Stream(plan.limb, self._all_of(plan, is_certified=not fault))]
+            streams = [Stream(plan.limb, self._all_of(plan))]
             self._labels = {}
-        failure = run_streams(streams, self._timeline, self._watch, self._hit)
+        failure = run_streams(streams, self._timeline, self._needed_watch, self._hit)
         self._lift_pen(streams[0].limb)
         return Outcome(failure, self.time_s - started_s, hits=tuple(self._hits))
 
@@ -287,24 +288,41 @@ class Simulation(OneLine):
         if any(isinstance(step, Grip) for step in plan):
             self.world.hand(plan.limb)
 
-    def _all_of(self, plan: Plan, *, is_certified: bool) -> Activities:
+    def _needed_watch(self) -> ContactWatch | None:
+        """What finds contacts; None where they are not checked now."""
+        return self._watch if self._checks_contacts and not self._is_proven else None
+
+    def _compare(self, step: Step, others: Collection[str] | None = None) -> None:
+        """Let the certificate count no longer where the world is not as a step states it."""
+        self._is_proven = self._is_proven and is_as_stated(self.world, step, others)
+
+    def _all_of(self, plan: Plan) -> Activities:
         """All steps of a plan, one right after the other."""
         for step in plan:
             self._show_step(plan.limb, step.label)
-            is_proven = is_certified and is_as_stated(self.world, step)
-            failure = yield from self._do(step, self._checks_contacts and not is_proven)
+            self._compare(step)
+            failure = yield from self._do(step)
             if failure is not None:
                 return failure
         return None
 
     def _on_clock(self, plan: TwoArmPlan, side: str) -> Activities:
-        """The steps of one arm at their times on the clock."""
-        zero_s = self.time_s
-        for timed in plan.steps_of(side):
+        """The steps of one arm at their times on the clock.
+
+        Before each, the world is compared with it twice: as soon as the previous step has ended,
+        as the other arm moves on past what that has left, and when it begins.
+        """
+        zero_s = end_s = self.time_s
+        for timed, others in zip(plan.steps_of(side), left_out(plan, side), strict=True):
             begin_s, end_s = zero_s + timed.begin_s, zero_s + timed.end_s
+            self._compare(timed.step, others)
+            yield Activity(
+                0.0
+            )  # the other arm, whose step ends now, too, compares before this acts
             yield from self._wait_until(begin_s, side)
+            self._compare(timed.step, others)
             self._show_step(side, timed.step.label)
-            failure = yield from self._do(timed.step, self._checks_contacts)
+            failure = yield from self._do(timed.step)
             if failure is not None:
                 return f"{side} arm, {failure}"
             if self.time_s > end_s + SAME_TIME_S:
@@ -313,7 +331,7 @@ class Simulation(OneLine):
                     f"{side} arm, {timed.step.label}: took {took_s:.2f} s, longer than the "
                     f"{given_s:.2f} s on the clock"
                 )
-            yield from self._wait_until(end_s, side)
+        yield from self._wait_until(end_s, side)
         self._show_step(side, WAITS)
         return None
 
@@ -331,25 +349,25 @@ class Simulation(OneLine):
             label = ", ".join(f"{each} arm: {own}" for each, own in self._labels.items())
         self._timeline.caption = f"{self._title}{label}"
 
-    def _do(self, step: Step, checks: bool) -> Activities:
-        """What an arm does in one step, checked for contacts or not."""
+    def _do(self, step: Step) -> Activities:
+        """What an arm does in one step."""
         if isinstance(step, Move):
-            return self._move(step, checks)
-        return self._close(step) if step.action is GripperAction.CLOSE else self._open(step, checks)
+            return self._move(step)
+        return self._close(step) if step.action is GripperAction.CLOSE else self._open(step)
 
-    def _move(self, move: Move, checks: bool) -> Activities:
+    def _move(self, move: Move) -> Activities:
         """Follow a move; the pen may draw meanwhile."""
         begin_s, text = self.time_s, f"{self._title}{move.label}"
         self._timeline.notify(EventKind.MOVE_STARTED, text, move.limb, move=move)
         while self._pen and self._pen[0][0] <= begin_s + move.trajectory.duration:
             time_s, kind, text, body = self._pen.popleft()
-            yield self._part(move, self.time_s - begin_s, time_s - begin_s, checks=checks)
+            yield self._part(move, self.time_s - begin_s, time_s - begin_s)
             self._timeline.notify(kind, text, move.limb, body=body)
         first_s = self.time_s - begin_s
-        yield self._part(move, first_s, move.trajectory.duration, checks=checks)
+        yield self._part(move, first_s, move.trajectory.duration)
         return None
 
-    def _part(self, move: Move, first_s: float, end_s: float, *, checks: bool) -> Activity:
+    def _part(self, move: Move, first_s: float, end_s: float) -> Activity:
         """A move from a time since its beginning to another."""
 
         def path(times_s: FloatArray) -> FloatArray:
@@ -364,7 +382,7 @@ class Simulation(OneLine):
             q = at_ticks.get(time_s)
             self.world.move_arm(move.limb, path(np.array(time_s)) if q is None else q)
 
-        return Activity(duration_s, follow, label=move.label, path=path if checks else None)
+        return Activity(duration_s, follow, label=move.label, path=path)
 
     def _pen_events(self, strokes: Strokes | None) -> Iterator[tuple[float, EventKind, str, Body]]:
         """When the pen touches and leaves what it draws on, from now on."""
@@ -402,11 +420,11 @@ class Simulation(OneLine):
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
         return None
 
-    def _open(self, grip: Grip, checks: bool) -> Activities:
+    def _open(self, grip: Grip) -> Activities:
         """Open the fingers, while what they release falls to its rest."""
         timeline, world, limb = self._timeline, self.world, grip.limb
         name = self.grippers[limb].release()
-        finger_m, failure = self._opening(grip, checks)
+        finger_m, failure = self._opening(grip)
         if name is None:
             yield self._slide(limb, finger_m)
             timeline.opened(limb)
@@ -424,11 +442,12 @@ class Simulation(OneLine):
         yield Activity(self._dwell.after_release_s)
         return failure
 
-    def _opening(self, grip: Grip, checks: bool) -> tuple[float, str | None]:
+    def _opening(self, grip: Grip) -> tuple[float, str | None]:
         """Finger position after opening, and why it is less than planned, or None."""
         limb, begin_m = grip.limb, self.world.finger_m(grip.limb)
         end_m = self.grippers[limb].open_m if grip.opening_m is None else grip.opening_m
-        for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S) if checks else ():
+        watch = self._needed_watch()
+        for contact in watch.of_fingers(limb, end_m, FINGER_SPEED_M_S) if watch else ():
             self._hit(limb, contact)
             if contact.stops:
                 way_m = contact.free_s * FINGER_SPEED_M_S

@@ -3,7 +3,7 @@
 An arm is a stream of activities: moves, travels of its fingers, waits. Streams run on one clock.
 Time passes up to the next end of an activity; then that stream goes on to its next one, and what it
 reports comes in the order of time. In between, the paths of the arms are checked for contacts where
-an activity asks for it.
+that is asked for.
 
 When one stream fails, all stop where they are: a move or a wait ends at that instant, as this is
 kinematics and nothing brakes. Fingers and falling bodies go on to the end of what they do.
@@ -32,7 +32,7 @@ class Activity(NamedTuple):
         can_stop: whether it may end early; fingers and falling bodies do not.
         label: the step that it belongs to.
         path: configurations of the arm at times since its beginning, shape (n,): (n, 7), rad; None
-            where the arm stands still, or contacts are not checked.
+            where the arm stands still.
     """
 
     duration_s: float
@@ -86,7 +86,7 @@ class _Running(NamedTuple):
 def run_streams(
     streams: Sequence[Stream],
     timeline: Timeline,
-    watch: ContactWatch,
+    watch: Callable[[], ContactWatch | None],
     on_hit: Callable[[str, Contact], None],
 ) -> str | None:
     """Run streams until all of them have ended, or one fails.
@@ -94,7 +94,7 @@ def run_streams(
     Args:
         streams: one, or those of both arms.
         timeline: the clock.
-        watch: finds contacts.
+        watch: what finds contacts until the next activity ends; None where that need not be.
         on_hit: called with an arm and its contact, at the time of that.
 
     Returns:
@@ -113,7 +113,7 @@ def run_streams(
         ]
         if not running:
             return failure
-        stopped = _pass(running, sides, timeline, watch, on_hit)
+        stopped = _pass(running, sides, timeline, watch(), on_hit)
         if stopped is not None:
             failure = failure or stopped
             continue
@@ -127,7 +127,7 @@ def _pass(
     running: Sequence[_Running],
     sides: Sequence[str],
     timeline: Timeline,
-    watch: ContactWatch,
+    watch: ContactWatch | None,
     on_hit: Callable[[str, Contact], None],
 ) -> str | None:
     """Let time pass until the first activity ends; returns what stopped an arm before, or None."""
@@ -142,7 +142,7 @@ def _pass(
 
         timeline.pass_s(begin_s + end_s - timeline.time_s if first_s else end_s, update)
 
-    for side, contact in _contacts(running, span_s, sides, watch):
+    for side, contact in _contacts(running, span_s, sides, watch) if watch else ():
         follow(contact.free_s if contact.stops else contact.time_s)
         on_hit(side, contact)
         if contact.stops:

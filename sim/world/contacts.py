@@ -8,7 +8,7 @@ pushed. A collision with anything immovable ends the move, at the last check bef
 checks the tip moves by up to 2 cm at the arm's top speed, so something thinner can be missed. The
 depth in a mesh that is not convex is not known; any contact with one counts.
 
-The steps of a certified plan are not checked while the world is as they state (`is_as_stated`).
+A certified plan is not checked while the world is as its steps state (`is_as_stated`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ import pinocchio as pin
 
 from baxter_kin.display import millimetres, phrase, seconds
 from baxter_kin.fields import evolve, frozen
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import FloatArray, expect
-from planner import Body, Part, Scene
+from planner import Body, Grip, Part, Scene, TwoArmPlan
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
 from planner.plan import Step
@@ -299,41 +299,89 @@ def _laden(world: World, name: str) -> Body:
     return evolve(body, parts=(*body.parts, *parts))
 
 
-def is_as_stated(world: World, step: Step) -> bool:
+def left_out(plan: TwoArmPlan, side: str) -> list[frozenset[str]]:
+    """The bodies of which each step of one arm's own plan says nothing, as the other handles them.
+
+    A body that is handed over is the giver's until it is released, the taker's from its grasp on;
+    one that both carry belongs to both.
+    """
+    names = {
+        each: {step.body for step in plan.plans[each] if isinstance(step, Grip) and step.body}
+        for each in LIMBS
+    }
+    other = other_than(side)
+    received = {step.body for step in plan.plans[other] if isinstance(step, Grip) and step.receiver}
+    mine, found = names[side] - received, list[frozenset[str]]()
+    for step in plan.plans[side]:
+        found.append(frozenset(names[other] - mine))
+        if isinstance(step, Grip) and step.body:
+            mine = mine - {step.body} if step.receiver else mine | {step.body}
+    return found
+
+
+def is_as_stated(world: World, step: Step, others: Collection[str] | None = None) -> bool:
     """Whether a world is as a step of a plan states it, so that the plan's proofs count.
 
     Nothing may stand on a held body, because a plan does not move that along.
+
+    Args:
+        world: the world as it is now.
+        step: the step that begins.
+        others: for a plan of both arms, bodies that are not compared (`left_out`); the other arm,
+            its hand and what it holds are not, either. None for a plan of one arm.
     """
     now, stated = world.state, step.state
+    if stated is None or any(world.riders(each.body) for each in now.attachments):
+        return False
+    apart, sides = set(others or ()), (step.limb,) if others is not None else LIMBS
+    skipped = {name for side in LIMBS if side not in sides for name in _joint_names(world, side)}
+    held, stated_held = (
+        [each for each in state.attachments if each.side in sides] for state in (now, stated)
+    )
+    in_hands = {each.body for each in held}  # these are where hands and attachments say
+    names, stated_names = (set(state.scene.bodies) - apart for state in (now, stated))
     return (
-        stated is not None
-        and _are_held_alike(now.attachments, stated.attachments)
-        and not any(world.riders(each.body) for each in now.attachments)
+        _are_held_alike(held, stated_held)
         and now.joints.keys() == stated.joints.keys()
-        and all(abs(q - stated.joints[name]) <= STATED_TOLERANCE for name, q in now.joints.items())
-        and now.scene.bodies.keys() == stated.scene.bodies.keys()
-        and all(_are_alike(now.scene[body.name], body) for body in stated.scene)
+        and all(
+            abs(q - stated.joints[name]) <= STATED_TOLERANCE
+            for name, q in now.joints.items()
+            if name not in skipped
+        )
+        and names == stated_names
+        and all(_are_alike(now.scene[each], stated.scene[each], each in in_hands) for each in names)
     )
 
 
-def _are_held_alike(held: tuple[Attachment, ...], stated: tuple[Attachment, ...]) -> bool:
+def _joint_names(world: World, side: str) -> tuple[str, ...]:
+    """The joints of an arm and its hand."""
+    hand = world.hands.get(side)
+    return (*world.robot.arm(side).joint_names, *(hand.joint_names if hand else ()))
+
+
+def _are_held_alike(held: Sequence[Attachment], stated: Sequence[Attachment]) -> bool:
     """Whether the hands hold the same bodies in the same places."""
     by_side = {each.side: each for each in stated}
     return len(held) == len(stated) and all(
         each.side in by_side
         and each.body == by_side[each.side].body
-        and each.T_link_body.isApprox(by_side[each.side].T_link_body, STATED_TOLERANCE)
+        and _is_near(each.T_link_body, by_side[each.side].T_link_body)
         for each in held
     )
 
 
-def _are_alike(body: Body, stated: Body) -> bool:
-    """Whether two bodies have equal parts and the same place; a mesh equals only itself."""
+def _are_alike(body: Body, stated: Body, is_held: bool) -> bool:
+    """Whether two bodies have equal parts and, unless held, one pose; a mesh equals only itself."""
     return (
         len(body.parts) == len(stated.parts)
-        and bool(body.T_base_body.isApprox(stated.T_base_body, STATED_TOLERANCE))
+        and (is_held or _is_near(body.T_base_body, stated.T_base_body))
         and all(
-            one.shape == two.shape and one.T_body_part.isApprox(two.T_body_part, STATED_TOLERANCE)
+            one.shape == two.shape and _is_near(one.T_body_part, two.T_body_part)
             for one, two in zip(body.parts, stated.parts, strict=True)
         )
     )
+
+
+def _is_near(T: pin.SE3, stated: pin.SE3) -> bool:
+    """Whether two poses are equal within `STATED_TOLERANCE`."""
+    return bool(np.abs(T.homogeneous - stated.homogeneous).max() <= STATED_TOLERANCE)

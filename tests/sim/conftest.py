@@ -32,6 +32,7 @@ from planner.two_arms.together import plan_together
 from sim import Event, Outcome, Recorder, Replay, Simulation, World
 from sim.recording.recording import Recording
 from sim.view.overlays import HOLDING_RGB
+from sim.world.contacts import ContactWatch
 from tests.chromium import at_usual_priority, find_chromium
 from tests.conftest import at, overhead
 from tests.sim.runs import PICKS, PLACES, Run
@@ -179,6 +180,20 @@ def both(robot: Baxter, start: State) -> TwoArmPlan:
     assert plan.is_valid, str(plan.failure)
     assert not plan.in_turn
     return plan
+
+
+@pytest.fixture
+def looks(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, list[list[float]]]]:
+    """What was checked for contacts: first and last configuration of each arm that moved."""
+    found: list[dict[str, list[list[float]]]] = []
+    along = ContactWatch.along
+
+    def noted(watch: ContactWatch, paths: Any, times_s: Any, sides: Any) -> Any:
+        found.append({side: path[[0, -1]].tolist() for side, path in paths.items()})
+        return along(watch, paths, times_s, sides)
+
+    monkeypatch.setattr(ContactWatch, "along", noted)
+    return found
 
 
 @pytest.fixture(scope="session")

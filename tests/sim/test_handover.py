@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Manipulator, TwoArmPlan, plan_handover
+from planner import Manipulator, TwoArmPlan, plan_handover, verify_both
 from sim import EventKind, Outcome, Recorder, Recording, Replay, Simulation, World, write_csv
 from sim.recording.recorder import planned_recording
 from tests.planner.two_arms.pairs import HandoverCase, handover_of_stick
@@ -66,6 +68,14 @@ def test_the_body_never_jumps(run: tuple[World, Witness, Recording, Outcome]) ->
     poses = run[2].body_poses["stick"]
     steps_m = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
     assert steps_m.max() < 0.02  # in a hundredth of a second
+
+
+def test_a_certified_one_is_not_checked_for_contacts(
+    robot: Baxter, case: HandoverCase, plan: TwoArmPlan, looks: list[Any]
+) -> None:
+    world = World.from_state(case.state, robot)
+    assert Simulation(world).execute(plan, certificate=verify_both(plan)).is_success
+    assert looks == []
 
 
 def test_what_is_planned_can_be_recorded_written_and_shown(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +19,18 @@ from planner import (
     Plan,
     PlanFailure,
     State,
+    TwoArmCertificate,
     TwoArmPlan,
+    make_block,
     plan_joint_move,
     verify_both,
 )
 from planner.clearance import Clearance, ContinuousProof
 from planner.completion import after, state_of
 from sim import (
+    Event,
     EventKind,
+    Observer,
     Outcome,
     Recorder,
     Recording,
@@ -219,6 +224,57 @@ def test_arms_that_run_into_each_other_both_stop_before(robot: Baxter, start: St
     assert outcome.duration_s < plan.duration_s
 
 
+def test_a_certified_plan_is_checked_only_where_the_world_is_another_one(
+    robot: Baxter, start: State, both: TwoArmPlan, looks: list[Any]
+) -> None:
+    certificate = verify_both(both)
+
+    class Spawner(Observer):
+        """Adds a block far away when the left hand has grasped its own."""
+
+        def on_event(self, event: Event) -> None:
+            if (event.kind, event.side) == (EventKind.GRASPED, "left"):
+                world.spawn(make_block("late", at(1.2, -0.6, 0.0)))
+
+    def far(world: World) -> None:
+        world.spawn(make_block("far", at(1.2, -0.6, 0.0)))
+
+    def turned(world: World) -> None:
+        world.turn_head(0.1)
+
+    def moved(world: World) -> None:
+        world.place_body("blue", at(0.65, -0.2501, -0.13))
+
+    for change, observers, are_checked in (
+        (lambda _: None, [], False),
+        (lambda _: None, [Spawner()], True),
+        (far, [], True),
+        (turned, [], True),
+        (moved, [], True),
+    ):
+        looks.clear()
+        world = World.from_state(start, robot)
+        change(world)
+        Simulation(world, observers).execute(both, certificate=certificate)
+        assert {side for paths in looks for side in paths} == (set(LIMBS) if are_checked else set())
+
+
+@pytest.mark.parametrize("name", [None, "red", "blue"])
+def test_a_certificate_counts_for_its_plan_in_its_world(
+    robot: Baxter, start: State, name: str | None
+) -> None:
+    """The certificate is a lie, too; without it, the arms stop before they run into each other."""
+    plan = across(robot, start)
+    certificate = TwoArmCertificate({}, duration_s=plan.duration_s, subject=plan)
+    run = Both(robot, start)
+    if name is not None:  # a body that is not near the arms
+        run.world.place_body(name, at(0.9, 0.6, -0.13))
+    outcome = run.simulation.execute(plan, certificate=certificate)
+    assert outcome.is_success is (name is None)
+    copy = Both(robot, start).simulation.execute(evolve(plan), certificate=certificate)
+    assert not copy.is_success
+
+
 def across(robot: Baxter, start: State) -> TwoArmPlan:
     """Both arms turn to the other side; the proof is a lie."""
     plans = {}
@@ -226,7 +282,7 @@ def across(robot: Baxter, start: State) -> TwoArmPlan:
         arm = robot.arm(side)
         goal = np.array(arm.start)
         goal[0] -= sign * 1.2
-        move = Move("across", plan_joint_move(arm.start, goal, arm.limits))
+        move = Move("across", plan_joint_move(arm.start, goal, arm.limits), state=start)
         plans[side] = Plan(start, (move,), limb=side)
     proof = ContinuousProof(0.01, Clearance(0.02, "left_hand", "right_hand", 1.0), 0.0, 10, 5)
     return TwoArmPlan(start, plans, dict.fromkeys(LIMBS, (0.0,)), 0.5, proof)

@@ -250,8 +250,9 @@ class TestMovable:
         assert bench.diary.hits == []
 
 
-def ends(move: Move) -> list[list[float]]:
-    return [move.trajectory.q_start.tolist(), move.trajectory.q_goal.tolist()]
+def ends(move: Move) -> dict[str, list[list[float]]]:
+    trajectory = move.trajectory
+    return {move.limb: [trajectory.q_start.tolist(), trajectory.q_goal.tolist()]}
 
 
 def contacts(bench: Bench, motion: Trajectory) -> list[Contact]:
@@ -263,19 +264,6 @@ def contacts(bench: Bench, motion: Trajectory) -> list[Contact]:
 
 class TestProofs:
     """Moves of a certified plan, in the world that they state, are not checked."""
-
-    @pytest.fixture
-    def looks(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """The moves that were checked."""
-        found: list[Any] = []
-        along = ContactWatch.along
-
-        def noted(watch: ContactWatch, paths: Any, times_s: Any, sides: Any) -> Any:
-            found.append(paths["left"][[0, -1]].tolist())
-            return along(watch, paths, times_s, sides)
-
-        monkeypatch.setattr(ContactWatch, "along", noted)
-        return found
 
     def test_none_of_them_is(
         self, bench: Bench, looks: list[Any], certificate: Certificate
