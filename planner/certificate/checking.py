@@ -275,7 +275,7 @@ def check_both(
             for side, own in alone(document).items()
         }
         margins = [step.margin_m for step in certificates[BETWEEN].steps]
-        both = BothArms(body, timelines, plan["begins_s"], float(plan["grip_s"]), margins)
+        both = BothArms(timelines, plan["begins_s"], float(plan["grip_s"]), margins)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
     parts: dict[str, Timeline | BothArms] = {**timelines, BETWEEN: both}

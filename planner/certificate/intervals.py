@@ -78,8 +78,8 @@ class Interval:
         radius = np.maximum(above(self.high - middle), above(middle - self.low))
         return middle, float(radius.max(initial=0.0))
 
-    def over(self, divisor: float) -> Interval:
-        """Divide by an exact positive number."""
+    def over(self, divisor: float | Array) -> Interval:
+        """Divide by exact positive numbers."""
         return Interval(below(self.low / divisor), above(self.high / divisor))
 
     def reshaped(self, *shape: int) -> Interval:
@@ -104,10 +104,7 @@ class Interval:
         return self + -_interval(other)
 
     def __mul__(self, other: Interval | ArrayLike) -> Interval:
-        factor = _interval(other)
-        products = [x * y for x in (self.low, self.high) for y in (factor.low, factor.high)]
-        least = np.minimum(np.minimum(*products[:2]), np.minimum(*products[2:]))
-        greatest = np.maximum(np.maximum(*products[:2]), np.maximum(*products[2:]))
+        least, greatest = _products(self, _interval(other))
         return Interval(below(least), above(greatest))
 
     __radd__, __rmul__ = __add__, __mul__
@@ -148,8 +145,12 @@ class Pose:
 
 def product(first: Interval, second: Interval) -> Interval:
     """Matrix products, shapes (..., 3, 3) and (..., 3, k)."""
-    terms = first[..., :, :, None] * second[..., None, :, :]
-    return terms[..., 0, :] + terms[..., 1, :] + terms[..., 2, :]
+    least, greatest = _products(first[..., :, :, None], second[..., None, :, :])
+    low, high = below(least), above(greatest)
+    return Interval(
+        below(below(low[..., 0, :] + low[..., 1, :]) + low[..., 2, :]),
+        above(above(high[..., 0, :] + high[..., 1, :]) + high[..., 2, :]),
+    )
 
 
 def cos_sin(angle: Interval) -> tuple[Interval, Interval]:
@@ -163,13 +164,11 @@ def cos_sin(angle: Interval) -> tuple[Interval, Interval]:
     """
     if not (angle.magnitude <= MAX_ANGLE).all():
         raise ValueError(f"an angle is beyond {MAX_ANGLE:g} rad")
-    y, found = angle * angle, []
-    for odd in (0, 1):
-        series = Interval(np.zeros_like(angle.low), np.full_like(angle.low, 2.0))
-        for i in range(TERMS, 0, -1):
-            series = Interval(1.0) - (y * series).over(float((2 * i - 1 + odd) * (2 * i + odd)))
-        found.append(series)
-    return found[0], found[1] * angle
+    y, odd = angle * angle, np.arange(2.0).reshape(2, *[1] * angle.low.ndim)
+    both = Interval(np.zeros((2, *angle.low.shape)), np.full((2, *angle.low.shape), 2.0))
+    for i in range(TERMS, 0, -1):
+        both = Interval(1.0) - (y * both).over((2 * i - 1 + odd) * (2 * i + odd))
+    return both[0], both[1] * angle
 
 
 def rotation(axis: int, angle: Interval) -> Interval:
@@ -224,6 +223,17 @@ def norm_bound(vectors: Array) -> Array:
     length = np.sqrt((vectors**2).sum(axis=-1))
     bound: Array = length * (1.0 + (vectors.shape[-1] + 6) * UNIT) + UNDERFLOW
     return bound
+
+
+def _products(first: Interval, second: Interval) -> tuple[Array, Array]:
+    """The least and the greatest products of two intervals' ends, each rounded to nearest."""
+    lows = (first.low,) if first.low is first.high else (first.low, first.high)
+    highs = (second.low,) if second.low is second.high else (second.low, second.high)
+    products = [x * y for x in lows for y in highs]
+    least = greatest = products[0]
+    for other in products[1:]:
+        least, greatest = np.minimum(least, other), np.maximum(greatest, other)
+    return least, greatest
 
 
 def _interval(value: Interval | ArrayLike) -> Interval:

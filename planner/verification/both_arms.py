@@ -252,7 +252,7 @@ def _certified(
         side: SoughtTimeline(own, known.text, is_alone=True)
         for side, own in alone(document).items()
     }
-    both = BothArms(body, timelines, plan.begins_s, plan.grip_s)
+    both = BothArms(timelines, plan.begins_s, plan.grip_s)
     found = {side: timeline.witness() for side, timeline in timelines.items()}
     none = [StepWitness()] * both.windows
     for share in SHARES:

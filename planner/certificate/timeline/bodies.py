@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ from planner.certificate.body import Body, LinkShape
 from planner.certificate.clusters import Clusters, Shape, stated_pose
 from planner.certificate.errors import require
 from planner.certificate.intervals import Array, Interval, Pose
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import ARM_JOINTS, Attached, Robot
 from planner.certificate.rows import Mover
 from planner.certificate.timeline.touching import DistanceBounds
 
@@ -86,6 +86,7 @@ class Bodies:
         distances: upper bounds on distances between them.
         scene: the bodies of the scene, by name.
         places: poses of all links seen from their parents, at the start.
+        links: shapes of the links, and what carries each.
         arm: links of the arm by the joint that moves them, 1 to 7.
         fingers: roots of the fingers of the arm's hand, by link.
         pads: roots of the tips of these fingers.
@@ -116,16 +117,20 @@ class Bodies:
         self.scene = {name: SceneBody.of_file(name, data) for name, data in scene.items()}
         self.places = robot.places(joints)
         self.pads: dict[str, list[int]] = {finger: [] for finger in robot.fingers}
-        self._place_links([s for s in body.shapes if not (is_alone and robot.is_of_other(s.link))])
+        self.links: list[tuple[LinkShape, Attached]] = [
+            (each, robot.attached(each.link, self.places))
+            for each in body.shapes
+            if not (is_alone and robot.is_of_other(each.link))
+        ]
+        self._place_links()
 
-    def _place_links(self, shapes: Iterable[LinkShape]) -> None:
+    def _place_links(self) -> None:
         robot, clusters = self.robot, self.clusters
         roots: dict[int | str, list[int]] = {}
         filled: dict[int | str, list[int]] = {}
         skew_m = robot.skew * robot.stroke_m
         require(skew_m <= MAX_SKEW_M, "the fingers slide askew")
-        for each in shapes:
-            where = robot.attached(each.link, self.places)
+        for each, where in self.links:
             key = where.finger or where.level or robot.carrier(each.link)
             shape = each.shape
             if where.finger is not None and skew_m > 0.0:

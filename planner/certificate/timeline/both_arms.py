@@ -37,7 +37,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import Array, Interval, Pose, norm_bound
@@ -171,7 +170,6 @@ class BothArms:
 
     def __init__(
         self,
-        body: Body,
         timelines: Mapping[str, Timeline],
         begins_s: Mapping[str, Sequence[float]],
         grip_s: float,
@@ -180,7 +178,6 @@ class BothArms:
         """Put both arms on the clock.
 
         Args:
-            body: the robot's shapes.
             timelines: of both arms, each without the other.
             begins_s: when each of their steps begins on the clock.
             grip_s: duration of each gripper action on the clock.
@@ -194,7 +191,7 @@ class BothArms:
         """
         self._timelines, self.clusters = timelines, Clusters()
         self.robot = HandToHand.of(*(timelines[side].robot for side in LIMBS))
-        self._body, self._roots = body, dict[tuple[str, int, float, float], int]()
+        self._roots = dict[tuple[str, int, float, float], int]()
         is_duration = MIN_GRIP_S <= grip_s <= MAX_CLOCK_S
         require(is_duration, "the duration of gripper actions is malformed, or too short")
         shoulders = {timelines[side].robot.chain[0] for side in LIMBS}
@@ -442,9 +439,8 @@ class BothArms:
         self, side: str, level: int, finger: str | None, seen: Pose, thicker_m: float
     ) -> list[int]:
         """Trees of the shapes that a joint of an arm carries, of one finger or of none."""
-        bodies, roots = self._timelines[side].bodies, []
-        for each in self._body.shapes:
-            where = bodies.robot.attached(each.link, bodies.places)
+        roots = []
+        for each, where in self._timelines[side].bodies.links:
             if (where.level, where.finger) == (level, finger):
                 shape = replace(each.shape, ball_m=each.shape.ball_m + thicker_m)
                 roots.append(self.clusters.add(shape, seen * where.T * each.T_link_shape))
