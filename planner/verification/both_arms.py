@@ -29,7 +29,7 @@ from planner.two_arms.tracking.proof import (
     checked_slowing_s,
 )
 from planner.verification.certificate import Certificate, Check, Worst
-from planner.verification.inspection import robot_difference
+from planner.verification.inspection import allowed_difference, described_robot
 from planner.verification.lag.both_arms import BothLagging
 from planner.verification.report import described, robot_limits, table_of
 from planner.verification.witness import SoughtTimeline, body_of, witness_of
@@ -109,9 +109,13 @@ class TwoArmCertificate:
         return self.subject is expect(plan, TwoArmPlan, "plan", TaskError)
 
     def __str__(self) -> str:
+        return f"{self.verdict}\n{self.table()}".rstrip()
+
+    def table(self) -> str:
+        """The checks of each arm as text tables, those of both, and all proven distances."""
         apart = [f"{label:36} {1e3 * apart:9.3f} mm" for label, apart in self.apart_m]
         tables = [f"{side} arm\n{self.arms[side].table()}" for side in self.arms]
-        return "\n".join([self.verdict, *tables, *map(str, self.checks), *apart])
+        return "\n".join([*tables, *map(str, self.checks), *apart])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON; a value that is not finite is null."""
@@ -136,6 +140,7 @@ def verify_both(
     plan: TwoArmPlan,
     *,
     description: RobotDescription | None = None,
+    on_another_robot: bool = False,
     response: Response | Mapping[str, Response] | None = None,
     skew_s: float = SKEW_S,
     slowing_s: float | None = None,
@@ -148,6 +153,7 @@ def verify_both(
     Args:
         plan: the plan to check.
         description: the robot to judge on; the stock robot when not given.
+        on_another_robot: as of `verify`.
         response: how the arms follow their set-points, "left" and "right", at one speed; or one of
             both. Adds checks of all positions that the joints may then have.
         skew_s: with a response, the maximum difference of both arms' clocks.
@@ -155,7 +161,7 @@ def verify_both(
             a gripper, or begins again; the plan's `grip_s` when not given.
 
     Raises:
-        TaskError: when an argument has the wrong type.
+        TaskError: when an argument has the wrong type, or the plan is for another robot.
         ResponseError: when a response has the wrong type, both have different speeds, or a number
             is out of range.
     """
@@ -164,8 +170,10 @@ def verify_both(
     if response is not None:
         clock = checked_skew_s(skew_s), checked_slowing_s(slowing_s, plan)
         lagging = checked_responses(response), *clock
-    differs = any(robot_difference(own, known) for own in plan.plans.values())
-    return evolve(_verified(plan, known, lagging), subject=None if differs else plan)
+    differences = [
+        allowed_difference(each, known, on_another_robot) for each in plan.plans.values()
+    ]
+    return evolve(_verified(plan, known, lagging), subject=None if any(differences) else plan)
 
 
 def _verified(
@@ -223,8 +231,7 @@ def certificate_of_both(
 
 def _known(plan: TwoArmPlan, description: RobotDescription | None) -> RobotDescription:
     expect(plan, TwoArmPlan, "plan", TaskError)
-    known = RobotDescription.of() if description is None else description
-    return expect(known, RobotDescription, "description", TaskError)
+    return described_robot(description)
 
 
 class _Sought(NamedTuple):

@@ -7,6 +7,7 @@ usage, or a file without a plan; 130 stopped by Ctrl-C.
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,10 @@ from baxter_kin.kinematics.limits import PRESETS
 from planner.certificate.robot import Robot
 from planner.motion.response import Response, load_response
 from planner.plan import Plan
-from planner.plan_file import load_plan
+from planner.two_arms.plan import TwoArmPlan
+from planner.two_arms.plan_file import load_any_plan
+from planner.verification.both_arms import TwoArmCertificate, verify_both
+from planner.verification.certificate import Certificate
 from planner.verification.inspection import robot_difference, verify
 from planner.verification.report import robot_limits
 
@@ -40,12 +44,15 @@ EXIT_VALID, EXIT_NOT_VALID = 0, 1
 
 _NAME = "planner.verification"
 
+OF_ONE_ARM = ("response", "straight", "limits", "acceleration", "jerk")
+"""Options that a plan of both arms does not take."""
+
 JUDGING, ROBOT, OUTPUT = "what the plan is judged by", "robot", "output"
 
 
 @command(
     f"python -m {_NAME}",
-    "Check a saved plan with code that did not make it.",
+    "Check a saved plan, of one arm or of both, with code that did not make it.",
     examples=(
         "python -m planner.verification plan.json",
         "python -m planner.verification plan.json --limits torque-control",
@@ -59,7 +66,7 @@ JUDGING, ROBOT, OUTPUT = "what the plan is judged by", "robot", "output"
 class VerificationOptions:
     """The plan to check, and what it is judged by."""
 
-    file: str = option(metavar="FILE", help="a plan that save_plan wrote")
+    file: str = option(metavar="FILE", help="a plan that save_plan or save_two_arm_plan wrote")
     response: str | None = option(
         "--response",
         metavar="FILE",
@@ -135,9 +142,46 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _checked(options: VerificationOptions) -> int:
-    plan = load_plan(options.file)
+    plan = load_any_plan(options.file)
     robot = RobotDescription.of(options.urdf, options.hands)
-    certificate = verify(
+    certificate = _certificate(plan, robot, options)
+    arms = {"": certificate} if isinstance(certificate, Certificate) else certificate.arms
+    one = plan if isinstance(plan, Plan) else next(iter(plan.plans.values()))
+    difference = robot_difference(one, robot)
+    if difference:
+        off_m, off_rad = (
+            max((arm[name].value for arm in arms.values()), default=math.nan)
+            for name in ("tip position", "tip orientation")
+        )
+        print(
+            f"{options.file}: {difference}; judged on {robot.source}, where the tip is up to "
+            f"{1e3 * off_m:.1f} mm and {1e3 * off_rad:.1f} mrad off",
+            file=sys.stderr,
+        )
+    if options.as_json:
+        print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
+    elif not options.is_quiet:
+        if arms:  # else there is nothing but the reason
+            print(certificate.table())
+            print("what each check means: docs/concepts/certificate.md")
+        for side, arm in arms.items():
+            print(f"{side} arm: {arm.basis}" if side else arm.basis)
+        print("valid" if certificate.is_valid else "not valid")
+    if certificate.is_valid:
+        return EXIT_VALID
+    print(f"{options.file}: {certificate.verdict}", file=sys.stderr)
+    return EXIT_NOT_VALID
+
+
+def _certificate(
+    plan: Plan | TwoArmPlan, robot: RobotDescription, options: VerificationOptions
+) -> Certificate | TwoArmCertificate:
+    if isinstance(plan, TwoArmPlan):
+        given = [name for name in OF_ONE_ARM if getattr(options, name) not in (None, ())]
+        if given:
+            raise UsageError(f"--{given[0]} applies to plans of one arm; this one is of both")
+        return verify_both(plan, description=robot, on_another_robot=True)
+    return verify(
         plan,
         straight=options.straight,
         description=robot,
@@ -145,26 +189,6 @@ def _checked(options: VerificationOptions) -> int:
         response=_response(plan, options),
         on_another_robot=True,
     )
-    difference = robot_difference(plan, robot)
-    if difference:
-        off_mm = 1e3 * certificate["tip position"].value
-        off_mrad = 1e3 * certificate["tip orientation"].value
-        print(
-            f"{options.file}: {difference}; judged on {robot.source}, where the tip is up to "
-            f"{off_mm:.1f} mm and {off_mrad:.1f} mrad off",
-            file=sys.stderr,
-        )
-    if options.as_json:
-        print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
-    elif not options.is_quiet:
-        print(certificate.table())
-        print("what each check means: docs/concepts/certificate.md")
-        print(certificate.basis)
-        print("valid" if certificate.is_valid else "not valid")
-    if certificate.is_valid:
-        return EXIT_VALID
-    print(f"{options.file}: {certificate.verdict}", file=sys.stderr)
-    return EXIT_NOT_VALID
 
 
 def _response(plan: Plan, options: VerificationOptions) -> Response | None:

@@ -70,14 +70,10 @@ def verify(
             lacks a joint of the robot, the limits are of other joints, no move has a label in
             `straight`, or plan or scene are too large (`planner.plan_file.MAX_COUNTS`).
     """
-    known = _installed() if description is None else description
-    expect(known, RobotDescription, "description", TaskError)
     if isinstance(plan, (str, PathLike)):
         raise TaskError(f"plan must be of class Plan, got {quoted(plan)}; load_plan reads a file")
-    difference = robot_difference(expect(plan, Plan, "plan", TaskError), known)
-    if difference and not (on_another_robot and _has_its_joints(plan, known)):
-        there = "" if on_another_robot else ", or on_another_robot=True"
-        raise TaskError(f"{difference}; give the description of the plan's robot{there}")
+    known = described_robot(description)
+    difference = allowed_difference(expect(plan, Plan, "plan", TaskError), known, on_another_robot)
     world = expect(plan.start if state is None else state, State, "state", TaskError)
     check_size(plan, world, TaskError)
     labels = expect_all(straight, str, "the labels of straight moves", TaskError)
@@ -117,6 +113,25 @@ def robot_difference(plan: Plan, description: RobotDescription) -> str:
     if not difference:
         return ""
     return f"the plan is for another robot than {description.source}: {difference}"
+
+
+def described_robot(description: RobotDescription | None) -> RobotDescription:
+    """The robot to judge on; the stock robot when none is given."""
+    known = _installed() if description is None else description
+    return expect(known, RobotDescription, "description", TaskError)
+
+
+def allowed_difference(plan: Plan, description: RobotDescription, on_another_robot: bool) -> str:
+    """How a plan's robot differs from the one to judge on; empty where it does not.
+
+    Raises:
+        TaskError: when it differs and that is not asked for, or the joints differ.
+    """
+    difference = robot_difference(plan, description)
+    if difference and not (on_another_robot and _has_its_joints(plan, description)):
+        there = "" if on_another_robot else ", or on_another_robot=True"
+        raise TaskError(f"{difference}; give the description of the plan's robot{there}")
+    return difference
 
 
 def _has_its_joints(plan: Plan, description: RobotDescription) -> bool:

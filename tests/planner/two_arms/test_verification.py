@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 from collections.abc import Callable, Mapping
 from itertools import pairwise
@@ -29,6 +30,7 @@ from planner.errors import PlanFileError, TaskError
 from planner.plan_file import save_plan
 from planner.two_arms.plan_file import two_arm_document
 from planner.verification import certificate_of_both, verify_both
+from planner.verification.command_line import main
 from tests.planner.two_arms.pairs import Measured
 
 Data = dict[str, Any]
@@ -121,9 +123,32 @@ def test_a_certificate_for_another_robot_is_of_no_plan(
     robot: Baxter, plain_plan: TwoArmPlan
 ) -> None:
     faster = robot.description.text.replace('velocity="1.5"', 'velocity="1.6"')
-    certificate = verify_both(plain_plan, description=Baxter.load(faster).description)
+    other = Baxter.load(faster).description
+    with pytest.raises(TaskError, match="another robot"):
+        verify_both(plain_plan, description=other)
+    certificate = verify_both(plain_plan, description=other, on_another_robot=True)
     assert certificate.is_valid
     assert not certificate.is_of(plain_plan)
+
+
+def test_the_command_checks_files_of_both_arms(
+    plain_plan: TwoArmPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_two_arm_plan(plain_plan, tmp_path / "both.json")
+    assert main([str(tmp_path / "both.json")]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("left arm\n")
+    assert "\nright arm\n" in said.out
+    assert "\nboth arms, 0.000 to " in said.out
+    assert said.out.endswith("\nvalid\n")
+    failed = evolve(plain_plan, failure=PlanFailure("together", "none is found"))
+    save_two_arm_plan(failed, tmp_path / "failed.json")
+    assert main([str(tmp_path / "failed.json"), "--json"]) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["is_valid"] is False
+    assert "none is found" in said.err
+    assert main([str(tmp_path / "both.json"), "--jerk", "10"]) == 2
+    assert "--jerk" in capsys.readouterr().err
 
 
 def test_a_plan_that_failed_is_not_certified(plain_plan: TwoArmPlan) -> None:

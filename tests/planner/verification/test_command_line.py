@@ -191,7 +191,7 @@ def test_a_program_that_is_interrupted_exits_with_130(tmp_path: Path) -> None:
         "from planner.verification import command_line\n"
         "from baxter_kin.command_line import run_process\n"
         "command_line.verify = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
-        "command_line.load_plan = lambda _: None\n"
+        "command_line.load_any_plan = lambda _: None\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it\n"
         "sys.argv = ['verification', 'plan.json']\n"
         "run_process(command_line.main, 'verification', failed=2)\n"
