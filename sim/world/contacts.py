@@ -178,17 +178,20 @@ class ContactWatch:
         return full
 
     def _surroundings(self, side: str, sides: Sequence[str]) -> _Surroundings:
-        """What is around an arm; made anew when something has moved since the last time.
+        """What is around an arm; made anew when something has moved, except with a hand.
 
         Bodies that other hands of `sides` hold are left out, as they may move along.
         """
-        carried = {each.body for each in self._world.held if each.side in sides}
+        world = self._world
+        carried = {each.body for each in world.held if each.side in sides}
+        along = {name for each in world.held for name in (each.body, *world.riders(each.body))}
+        poses = world.body_poses()
         bodies = [
-            (body.name, body.parts, body.T_base_body.homogeneous.tobytes())
-            for body in self._world.scene
-            if body.name not in carried
+            (name, world.parts(name), name not in along and poses[name].homogeneous.tobytes())
+            for name in poses
+            if name not in carried
         ]
-        key = self._world.held, bodies
+        key = world.held, bodies
         if side not in self._known or self._known[side][0] != key:
             self._known[side] = key, _Surroundings(self._world, side, carried)
         return self._known[side][1]
@@ -238,7 +241,21 @@ class _Surroundings:
         self._held, self._side = None if held is None else held.body, side
         scene = self._scene if held is None else self._scene.with_body(_laden(world, held.body))
         self._checker = ClearanceChecker(world.shapes, world.robot.arm(side), scene, held=hands)
+        for each in world.held:
+            if each.body not in carried and each not in hands:
+                self._hang(world, each)
         self._touches = Touches(self._checker, -PRESSING_TOLERANCE_M)
+
+    def _hang(self, world: World, held: Attachment) -> None:
+        """Let what the other hand holds, and what stands on that, move with that hand."""
+        model, geometry = world.robot.model, self._checker.geometry
+        frame = model.frames[model.getFrameId(held.link)]
+        T_joint_base = frame.placement * world.T_base_tip(held.side).inverse()
+        names = {held.body, *world.riders(held.body)}
+        for shape in geometry.geometryObjects:
+            if shape.name.rpartition("/")[0] in names:
+                shape.placement = T_joint_base * shape.placement
+                shape.parentJoint = frame.parentJoint
 
     def touching(self, q: FloatArray) -> dict[str, list[int]]:
         """What is run into at a full configuration: its name, and the numbers of the pairs."""

@@ -347,6 +347,9 @@ class Squeeze:
         self._begin_m = self.finger_m
         self._lift = PRESSING_TOLERANCE_M * (self.T_base_tip.rotation.T @ UP)
         self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
+        self._extents: dict[
+            tuple[str, float, float, float], list[tuple[Part, list[tuple[float, float]]]]
+        ] = {}
         self._sliders = [
             Slider(f"{finger} finger", list(parts), is_finger=True, sign=sign, finger=finger)
             for finger, sign, parts in zip(
@@ -454,16 +457,23 @@ class Squeeze:
         key = first.name, second.name
         if key not in self._known:
             lift = self._lift_of(first)
-            lifted = [(part, _extents(_moved(part, lift))) for part in first.parts]
-            others = [(part, _extents(part)) for part in second.parts]
             pairs = [
                 (_gap_along_y(one, two, first.sign), part, other)
-                for part, one in lifted
-                for other, two in others
+                for part, one in self._extents_of(first, lift)
+                for other, two in self._extents_of(second, 0.0 * lift)
                 if all(one[k][0] <= two[k][1] and two[k][0] <= one[k][1] for k in (0, 2))
             ]
             self._known[key] = sorted(pairs, key=lambda pair: pair[0])
         return self._known[key]
+
+    def _extents_of(
+        self, slider: Slider, way: FloatArray
+    ) -> list[tuple[Part, list[tuple[float, float]]]]:
+        """The shapes of a thing, and their extents when it is moved; measured once."""
+        key = slider.name, *way.tolist()
+        if key not in self._extents:
+            self._extents[key] = [(part, _extents(_moved(part, way))) for part in slider.parts]
+        return self._extents[key]
 
     def _take_along(self, first: Slider, second: Slider, pressed_m: float) -> None:
         """Let a body, and its riders, move with what has met it from now on.

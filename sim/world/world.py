@@ -19,7 +19,7 @@ from baxter_kin.display import OneLine, listing, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Body, Hand, Scene, State
+from planner import Body, Hand, Part, Scene, State
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
@@ -165,6 +165,10 @@ class World(OneLine):
         """A body where it is now."""
         known = self._known(name)
         return self._bodies[known].at(self._poses[known])
+
+    def parts(self, name: str) -> tuple[Part, ...]:
+        """The parts of a body."""
+        return self._bodies[self._known(name)].parts
 
     @property
     def held(self) -> tuple[Attachment, ...]:

@@ -14,11 +14,13 @@ from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from planner import (
     Body,
+    Box,
     Certificate,
     Grip,
     GripperAction,
     Manipulator,
     Move,
+    Part,
     PickAndPlace,
     Plan,
     Trajectory,
@@ -260,6 +262,26 @@ def contacts(bench: Bench, motion: Trajectory) -> list[Contact]:
     times_s = np.linspace(0.0, motion.duration, max(1, math.ceil(motion.duration / CHECK_S)) + 1)
     paths = {"left": motion.sample(times_s).q}
     return [each for _, each in ContactWatch(bench.world).along(paths, times_s, ("left",))]
+
+
+@pytest.mark.parametrize("has_pole", [False, True])
+def test_what_the_other_hand_holds_moves_with_that_hand(bench: Bench, has_pole: bool) -> None:
+    """With a pole that stands on it; the watch has known both before the hand moves on."""
+    world, watch = bench.world, ContactWatch(bench.world)
+    q, q_left = world.robot.arm("right").start - 0.5 * np.eye(7)[1], world.arm_q("left")
+    below_m = 0.3 if has_pole else 0.0
+    there = at(*world.robot.arm("right").T_base_tip(q).translation - (0.0, 0.0, below_m))
+    world.attach("left", "red", world.T_base_tip("left").inverse() * there)
+    if has_pole:
+        assert watch.at("right", q) == []
+        pole = Part(Box((0.06, 0.06, below_m)), at(0.0, 0.0, 0.0))
+        stands = there * at(0.0, 0.0, 0.5 * below_m + 0.025)
+        world.spawn(Body("pole", (pole,), stands, is_movable=True))
+        assert world.riders("red") == ("pole",)
+    for turn, is_met in ((0.0, True), (0.6, False), (0.0, True)):
+        world.move_arm("left", q_left + turn * np.eye(7)[0])
+        met = {contact.other for contact in watch.at("right", q)}
+        assert met == ({"pole" if has_pole else "red"} if is_met else set())
 
 
 class TestProofs:
