@@ -804,7 +804,7 @@ class _Stage:
             log = Path(folder) / "robot.mcap"
             with (
                 robot_process("--record", str(log), *robot_options) as (uri, _),
-                _linked(uri) as link,
+                linked(uri) as link,
             ):
                 thread = threading.Thread(target=during)
                 run = RosExecutor(link, options=ExecutionOptions(pace, Dwell(0.5, 0.5)))
@@ -825,7 +825,8 @@ class _Stage:
 
 
 @contextmanager
-def _linked(uri: str) -> Iterator[BaxterLink]:
+def linked(uri: str) -> Iterator[BaxterLink]:
+    """A link to the robot of a master, by a node of its own."""
     with Node("/baxter_kin", master_uri=uri, host=LOOPBACK) as node, BaxterLink(node) as link:
         yield link
 
@@ -882,7 +883,7 @@ def _stopped(stage: _Stage, runs: int) -> Row:
     for _ in range(runs):
         with (
             robot_process() as (uri, _),
-            _linked(uri) as link,
+            linked(uri) as link,
             Node("/other", master_uri=uri, host=LOOPBACK) as other,
         ):
             delays_s.append(_stop_delay_s(stage, link, other))

@@ -6,11 +6,13 @@ import importlib
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 
 handovers: Any = importlib.import_module("measure_handovers")
 motion: Any = importlib.import_module("measure_motion")
 ros1: Any = importlib.import_module("measure_ros1")
+ros1_both: Any = importlib.import_module("measure_ros1_both")
 together: Any = importlib.import_module("measure_together")
 
 
@@ -68,3 +70,14 @@ def test_a_row_shows_its_verdict() -> None:
     assert str(ros1.Row("rate", "100 Hz", "12 Hz", False)) == "| rate | 100 Hz | 12 Hz | FAIL |"
     row = ros1.Row("/robot/state", "100 Hz", "100 Hz", True, "std_msgs/Bool", "R->C")
     assert str(row) == "| /robot/state | std_msgs/Bool | R->C | 100 Hz | 100 Hz | pass |"
+
+
+def test_an_arm_stands_from_its_last_set_point_that_differs() -> None:
+    sent = [(0.0, 0.1), (0.01, 0.2), (0.02, 0.2), (0.03, 0.2)]
+    heard = [
+        ros1_both.Heard(time_s + late_s, side, (q, 0.0))
+        for side, late_s in (("left", 0.0), ("right", 0.005))
+        for time_s, q in sent
+    ]
+    assert [ros1_both._stands_s(heard, side) for side in ("left", "right")] == [0.01, 0.015]
+    assert ros1_both.spread(np.array([-0.001, 0.001])) == "p50 1.00, p99 1.00, max 1.00 ms"
