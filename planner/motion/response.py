@@ -33,7 +33,7 @@ describes the data that it was estimated from; how well it describes other motio
 with a load, only other data can show.
 
 **Files.** `python -m sim.ros1.check --identify` writes a response to a JSON file (`save_response`);
-`--response FILE` of `sim.ros1.execute` and of `planner.verification` reads it (`load_response`).
+`--response FILE` of `sim.ros1.execute` and of `planner.verification` reads it (`load_responses`).
 """
 
 from __future__ import annotations
@@ -505,19 +505,16 @@ def save_response(response: Response, limb: str, path: PathLike) -> None:
         raise ResponseError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
 
 
-def load_response(path: PathLike, limb: str) -> Response:
-    """Read how an arm follows its set-points."""
-    of, response = _loaded(path)
-    if of != limb:
-        raise ResponseError(f"{shown_path(path)} is of the {of} arm, not of the {limb} one")
-    return response
+def load_responses(paths: Iterable[PathLike], limbs: Iterable[str]) -> dict[str, Response]:
+    """Read how one arm follows its set-points, or both do; "left" or "right" -> response.
 
-
-def load_responses(paths: Iterable[PathLike]) -> dict[str, Response]:
-    """Read how several arms follow their set-points, one file each; "left" or "right" -> response.
+    Args:
+        paths: one file of each arm.
+        limbs: the arms, "left", "right" or both.
 
     Raises:
-        ResponseError: when a file cannot be read, or two are of the same arm.
+        ResponseError: when a file cannot be read, two are of the same arm, or they are not of
+            these arms.
     """
     found: dict[str, Response] = {}
     for path in paths:
@@ -525,6 +522,12 @@ def load_responses(paths: Iterable[PathLike]) -> dict[str, Response]:
         if limb in found:
             raise ResponseError(f"{shown_path(path)} is of the {limb} arm, as another file is")
         found[limb] = response
+    wanted = list(limbs)
+    if set(found) != set(wanted):
+        raise ResponseError(
+            f"the responses are of {' and '.join(found)}, and the plan is of "
+            f"{' and '.join(wanted)}; give one file of each arm that moves"
+        )
     return found
 
 

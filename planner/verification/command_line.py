@@ -26,9 +26,10 @@ from baxter_kin.command_line import (
     parse,
 )
 from baxter_kin.description import RobotDescription
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.limits import PRESETS
 from planner.certificate.robot import Robot
-from planner.motion.response import Response, load_response
+from planner.motion.response import Response, load_responses
 from planner.plan import Plan
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.plan_file import load_any_plan
@@ -44,7 +45,7 @@ EXIT_VALID, EXIT_NOT_VALID = 0, 1
 
 _NAME = "planner.verification"
 
-OF_ONE_ARM = ("response", "straight", "limits", "acceleration", "jerk")
+OF_ONE_ARM = ("straight", "limits", "acceleration", "jerk")
 """Options that a plan of both arms does not take."""
 
 JUDGING, ROBOT, OUTPUT = "what the plan is judged by", "robot", "output"
@@ -67,12 +68,14 @@ class VerificationOptions:
     """The plan to check, and what it is judged by."""
 
     file: str = option(metavar="FILE", help="a plan that save_plan or save_two_arm_plan wrote")
-    response: str | None = option(
+    response: tuple[str, ...] = option(
         "--response",
         metavar="FILE",
+        repeats=True,
         group=JUDGING,
         help="how the arm follows its set-points, as measured by baxter-check --identify: adds "
-        "checks of all positions that the joints may then have",
+        "checks of all positions that the joints may then have; for a plan of both arms, one file "
+        "of each",
     )
     speed: float | None = option(
         "--speed",
@@ -125,7 +128,7 @@ class VerificationOptions:
             raise UsageError(
                 "--limits sets acceleration and jerk; give either it, or --acceleration and --jerk"
             )
-        if self.speed is not None and self.response is None:
+        if self.speed is not None and not self.response:
             raise UsageError("--speed applies to an arm that lags; give --response FILE, too")
 
 
@@ -180,22 +183,27 @@ def _certificate(
         given = [name for name in OF_ONE_ARM if getattr(options, name) not in (None, ())]
         if given:
             raise UsageError(f"--{given[0]} applies to plans of one arm; this one is of both")
-        return verify_both(plan, description=robot, on_another_robot=True)
+        responses = _responses(plan, options) or None
+        return verify_both(plan, description=robot, on_another_robot=True, response=responses)
     return verify(
         plan,
         straight=options.straight,
         description=robot,
         limits=_limits(plan, robot, options),
-        response=_response(plan, options),
+        response=next(iter(_responses(plan, options).values()), None),
         on_another_robot=True,
     )
 
 
-def _response(plan: Plan, options: VerificationOptions) -> Response | None:
-    if options.response is None:
-        return None
-    response = load_response(options.response, plan.limb)
-    return response if options.speed is None else response.at_speed(options.speed)
+def _responses(plan: Plan | TwoArmPlan, options: VerificationOptions) -> dict[str, Response]:
+    """How the arms follow, at the given speed; empty where it is not known."""
+    if not options.response:
+        return {}
+    limbs = LIMBS if isinstance(plan, TwoArmPlan) else [plan.limb]
+    found = load_responses(options.response, limbs)
+    if options.speed is None:
+        return found
+    return {limb: response.at_speed(options.speed) for limb, response in found.items()}
 
 
 def _limits(

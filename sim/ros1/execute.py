@@ -360,17 +360,10 @@ def _response(
 ) -> Response | Mapping[str, Response] | None:
     """How the arms that move follow; None where it is not known."""
     from planner import Response  # noqa: PLC0415
-    from planner.errors import ResponseError  # noqa: PLC0415
     from planner.motion.response import load_responses  # noqa: PLC0415
 
     if options.response:
-        found = load_responses(options.response)
-        if set(found) != set(limbs):
-            raise ResponseError(
-                f"--response is given of {' and '.join(found)}, and {options.plan} is of "
-                f"{' and '.join(limbs)}; give one file of each arm that moves"
-            )
-        return found
+        return load_responses(options.response, limbs)
     if options.lag_s is None:
         return None
     if options.settled_error_rad is None:

@@ -15,7 +15,7 @@ from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import Response, Trajectory, fit_response, plan_joint_move
 from planner.errors import ResponseError
-from planner.motion.response import MIN_TRAVEL_RAD, load_response, remaining_share, save_response
+from planner.motion.response import MIN_TRAVEL_RAD, load_responses, remaining_share, save_response
 from planner.motion.tracking_tube import tracking_tube
 from planner.trajectory import joined
 
@@ -266,11 +266,14 @@ def test_a_response_comes_back_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "left.json"
     errors = np.linspace(0.001, 0.007, 7)
     save_response(Response(LAGS, errors), "left", path)
-    read = load_response(path, "left")
+    read = load_responses([path], ["left"])["left"]
     assert np.array_equal(read.lag_s, LAGS)
     assert np.array_equal(read.settled_error_rad, errors)
-    with pytest.raises(ResponseError, match="of the left arm, not of the right"):
-        load_response(path, "right")
+    for limbs in (["right"], ["left", "right"]):
+        with pytest.raises(ResponseError, match="are of left, and the plan is of"):
+            load_responses([path], limbs)
+    with pytest.raises(ResponseError, match="as another file is"):
+        load_responses([path, path], ["left"])
 
 
 @pytest.mark.parametrize(
@@ -282,4 +285,4 @@ def test_what_is_no_response_is_refused(tmp_path: Path, content: str) -> None:
     path.write_text(content)
     for file in (path, tmp_path / "nowhere.json"):
         with pytest.raises(ResponseError, match=file.name):
-            load_response(file, "left")
+            load_responses([file], ["left"])

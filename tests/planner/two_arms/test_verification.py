@@ -18,6 +18,7 @@ from baxter_kin.fields import evolve
 from planner import (
     Manipulator,
     PlanFailure,
+    Response,
     TwoArmCertificate,
     TwoArmPlan,
     load_two_arm_plan,
@@ -27,11 +28,12 @@ from planner.certificate.__main__ import main as check_file
 from planner.certificate.checking import Witness, check_both
 from planner.certificate.errors import NotCertifiedError
 from planner.errors import PlanFileError, TaskError
+from planner.motion.response import save_response
 from planner.plan_file import save_plan
 from planner.two_arms.plan_file import two_arm_document
 from planner.verification import certificate_of_both, verify_both
 from planner.verification.command_line import main
-from tests.planner.two_arms.pairs import Measured
+from tests.planner.two_arms.pairs import SIDES, Measured
 
 Data = dict[str, Any]
 Change = Callable[[Data], None]
@@ -147,6 +149,15 @@ def test_the_command_checks_files_of_both_arms(
     said = capsys.readouterr()
     assert json.loads(said.out)["is_valid"] is False
     assert "none is found" in said.err
+    responses = []
+    for side in SIDES:
+        save_response(Response((0.02, 0.04), 1e-3), side, tmp_path / f"{side}.json")
+        responses += ["--response", str(tmp_path / f"{side}.json")]
+    both = str(tmp_path / "both.json")
+    assert main([both, "--speed", "0.3", *responses]) == 0
+    assert "tracking: arms apart" in capsys.readouterr().out
+    assert main([both, *responses[:2]]) == 2
+    assert "give one file of each arm" in capsys.readouterr().err
     assert main([str(tmp_path / "both.json"), "--jerk", "10"]) == 2
     assert "--jerk" in capsys.readouterr().err
 

@@ -138,7 +138,7 @@ def test_response_adds_checks_of_an_arm_that_lags(
         assert len(json.loads(capsys.readouterr().out)["checks"]) > len(without)
     save_response(Response((0.1, 0.2)), "right", file)
     assert main([good, "--response", file]) == 2
-    assert f"{file} is of the right arm, not of the left one" in capsys.readouterr().err
+    assert "are of right, and the plan is of left" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([good, "--speed", "0.3"])
     assert "give --response FILE, too" in capsys.readouterr().err
