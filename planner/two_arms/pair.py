@@ -3,8 +3,9 @@
 Tried in this order, until a plan is proven:
 
 1. Each arm's own fastest cycle, both from the beginning, or one of them a little later.
-2. The joint program (`planner.two_arms.program`), from the best coordination of both own cycles
-   (`planner.two_arms.coordination`), then from the shortest delay of one arm's start that is clear.
+2. The joint program (`planner.two_arms.program`), from both cycles at once, which seldom leads
+   anywhere, but then to the fastest motions; from the best coordination of both
+   (`planner.two_arms.coordination`); and from the shortest delay of one arm's start that is clear.
    Where the arms block each other at their ends, an arm that is done goes on to where it does not,
    as a further motion of the program.
 3. Both own cycles with that delay.
@@ -179,8 +180,8 @@ class PairSearch:
             yield _as_they_are(*delayed[0])
         guesses = [(v, each.guess()) for v, each in found]
         guesses.sort(key=lambda each: each[1].cost_s)
-        at_once = [(v, Guess(0.0, v.own)) for v, _ in found]
-        for variant, guess in [*guesses, *delayed[:1], *at_once][:MAX_GUESSES]:
+        at_once = [(v, Guess(shortest_s, v.own)) for v, _ in found[:1]]
+        for variant, guess in [*at_once, *guesses, *delayed[:1]][:MAX_GUESSES]:
             for solution in solutions(variant.program, guess.timed):
                 while delayed and delayed[0][1].cost_s < solution.makespan_s:
                     yield _as_they_are(*delayed.pop(0))

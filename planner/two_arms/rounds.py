@@ -28,6 +28,10 @@ MAX_COARSE, MAX_FINE, MAX_REFINED = 14, 6, 3
 """Maximum number of rounds with few intervals, and with all of them; and how often these are solved
 for again with more intervals on lines."""
 
+JUDGED, HOPELESS = 5, 3.5
+"""After this number of rounds, motions are given up whose merit is greater than this multiple of
+their cost: hardly any of these became clear later."""
+
 STEPS, GROWTH, SHRINKING, MIN_TRUST = (1.0, 0.5, 0.25), 1.5, 0.25, 0.03
 """Steps towards a solution; factors of the trust region after a step, relative to it, and where
 none is good; and its minimum."""
@@ -98,9 +102,9 @@ class _Rounds:
                     *(self.near.merit_s(self.near.unit_s), 1e3 * self.near.excess_m, self._trust),
                 )
             after_s = self.near.merit_s(self.near.unit_s)
-            if self.clear and before_s - after_s < SETTLED * before_s:
-                return
-            if self._trust < MIN_TRUST:
+            is_settled = bool(self.clear) and before_s - after_s < SETTLED * before_s
+            is_hopeless = number == JUDGED and after_s > HOPELESS * self.near.cost_s
+            if is_settled or is_hopeless or self._trust < MIN_TRUST:
                 return
 
     def _step(self, solution: Solution) -> float:
