@@ -3,9 +3,10 @@
 Tried in this order, until a plan is proven:
 
 1. Each arm's own fastest cycle, both from the beginning, or one of them a little later.
-2. The joint program (`planner.two_arms.program`), from both cycles at once, which seldom leads
-   anywhere, but then to the fastest motions; from the best coordination of both
-   (`planner.two_arms.coordination`); and from the shortest delay of one arm's start that is clear.
+2. The joint program (`planner.two_arms.program`), from the best coordination of both cycles
+   (`planner.two_arms.coordination`), and from the shortest delay of one arm's start that is clear;
+   where the arms are in each other's way in any coordination, first from both cycles at once, which
+   seldom leads anywhere, but then to the fastest motions.
    Where the arms block each other at their ends, an arm that is done goes on to where it does not,
    as a further motion of the program.
 3. Both own cycles with that delay.
@@ -45,6 +46,9 @@ logger = logging.getLogger(__name__)
 MAX_GUESSES, MAX_DELAYED = 3, 3
 """Maximum number of guesses of the joint program that are solved, and of delays that are tried with
 both cycles as they are."""
+
+COORDINATED = 1.5
+"""A coordination that costs at most this multiple of the slower arm's cycle is nearly clear."""
 
 NO_LOSS = 1.005
 """A delay that prolongs the slower arm's cycle by at most this factor is taken at once."""
@@ -180,8 +184,10 @@ class PairSearch:
             yield _as_they_are(*delayed[0])
         guesses = [(v, each.guess()) for v, each in found]
         guesses.sort(key=lambda each: each[1].cost_s)
-        at_once = [(v, Guess(shortest_s, v.own)) for v, _ in found[:1]]
-        for variant, guess in [*at_once, *guesses, *delayed[:1]][:MAX_GUESSES]:
+        if guesses and guesses[0][1].cost_s > COORDINATED * shortest_s:
+            variant = found[0][0]
+            guesses.insert(0, (variant, Guess(shortest_s, variant.own)))
+        for variant, guess in [*guesses, *delayed[:1]][:MAX_GUESSES]:
             for solution in solutions(variant.program, guess.timed):
                 while delayed and delayed[0][1].cost_s < solution.makespan_s:
                     yield _as_they_are(*delayed.pop(0))
