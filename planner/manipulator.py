@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import millimetres
-from baxter_kin.errors import ConfigurationError, LimitsError
+from baxter_kin.errors import BaxterError, ConfigurationError, LimitsError
 from baxter_kin.fields import evolve, field, frozen
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import (
@@ -254,15 +255,21 @@ def context_of_both(
     return CollisionContext(checker, q_full, margin_m=margin_m)
 
 
+def of_each_arm(given: object, what: str, error: type[BaxterError] = TaskError) -> dict[str, Any]:
+    """The values of a mapping of "left" and "right", in that order; else raise the error."""
+    values: Mapping[Any, Any] = expect(given, Mapping, what, error)  # type: ignore[type-abstract]
+    if set(values) != set(LIMBS):
+        raise error(f"{what} must be those of left and right, got {sorted(map(str, values))}")
+    return {side: values[side] for side in LIMBS}
+
+
 def both_of(manipulators: Mapping[str, Manipulator]) -> tuple[Manipulator, Manipulator]:
     """The left and the right manipulator of one robot.
 
     Raises:
         TaskError: when an arm is missing, or a value has the wrong type.
     """
-    given = expect(manipulators, Mapping, "manipulators", TaskError)  # type: ignore[type-abstract]
-    if set(given) != set(LIMBS):
-        raise TaskError(f"manipulators must be those of left and right, got {sorted(given)}")
+    given = of_each_arm(manipulators, "manipulators")
     for side in LIMBS:
         found = expect(given[side], Manipulator, f"the {side} manipulator", TaskError).arm.side
         if found != side:

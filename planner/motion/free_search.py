@@ -395,19 +395,11 @@ class Passing:
 
     def delays_s(self) -> Iterator[tuple[float, float]]:
         """Delays of the start of each arm with which the arms do not touch, the fastest first."""
-        count = max(self.is_free.shape)
         found = []
-        for delay in range(-count, count + 1):
-            waits = max(0, -delay), max(0, delay)
-            clock = np.arange(2 * count + 1)
-            i, j = (
-                np.clip(clock - wait, 0, size - 1)
-                for wait, size in zip(waits, self.is_free.shape, strict=True)
-            )
-            if self.is_free[i, j].all():
-                delays_s = self.step_s * waits[0], self.step_s * waits[1]
-                end_s = max(d + m.duration for d, m in zip(delays_s, self.own, strict=True))
-                found.append((end_s, delays_s))
+        for first, second in free_delays(self.is_free):
+            delays_s = self.step_s * first, self.step_s * second
+            end_s = max(d + m.duration for d, m in zip(delays_s, self.own, strict=True))
+            found.append((end_s, delays_s))
         yield from (delays_s for _, delays_s in sorted(found))
 
 
@@ -442,6 +434,23 @@ def cheapest_way(
     while way[-1].any():
         way.append(way[-1] - came_from[tuple(way[-1])])
     return np.array(way[::-1])
+
+
+def free_delays(is_free: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Delays of the first or the second of two sequences of samples, at which all pairs are free.
+
+    Each pauses at its first sample before, and at its last one after; one of the delays is zero.
+
+    Args:
+        is_free: of each pair of samples, shape (m, n).
+    """
+    sizes = is_free.shape
+    clock = np.arange(sum(sizes))
+    for delay in range(-sizes[1], sizes[0] + 1):
+        delays = max(-delay, 0), max(delay, 0)
+        i, j = (np.clip(clock - d, 0, n - 1) for d, n in zip(delays, sizes, strict=True))
+        if is_free[i, j].all():
+            yield delays
 
 
 def _samples(motion: Trajectory, step_s: float) -> FloatArray:

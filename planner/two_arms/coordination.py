@@ -16,8 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.motion.free_search import cheapest_way
-from planner.two_arms.program import INSTANTS, SHORTFALL_PER_M, ArmTrack, Clock, JointProgram, Timed
+from planner.motion.free_search import cheapest_way, free_delays
+from planner.two_arms.program import (
+    INSTANTS,
+    SHORTFALL_PER_M,
+    ArmTrack,
+    Clock,
+    JointProgram,
+    Timed,
+    unit_s_of,
+)
 
 STEP_S = 0.1
 """Between two times of a cycle."""
@@ -80,11 +88,10 @@ class Coordination:
     def guess(self) -> Guess:
         """Both cycles along the best way through the grid."""
         clocks = self.program.clocks(self.own)
-        unit_s = max(sketch.duration_s for timed in self.own for sketch in timed.sketches)
         instants_per_s = INSTANTS / max(clock.end_s for clock in clocks)
         fastest = np.maximum.outer(*self.speeds)
         shares = np.where(fastest > 0.0, MISSING_SHARE, AT_REST_SHARE)
-        per_m = shares * SHORTFALL_PER_M * unit_s * instants_per_s
+        per_m = shares * SHORTFALL_PER_M * unit_s_of(self.own) * instants_per_s
         costs = STEP_S * (1.0 + per_m * self.missing_m)
         left, right = (np.where(speed > 0.0, STAYING_S, 0.0) for speed in self.speeds)
         way = cheapest_way(costs, (left, right))
@@ -95,16 +102,11 @@ class Coordination:
     def delayed(self) -> list[Guess]:
         """Both cycles, one of them later, where that looks clear; the shortest first."""
         found, ends_s = list[Guess](), [clock.end_s for clock in self.program.clocks(self.own)]
-        sizes = self.missing_m.shape
-        steps = np.arange(sum(sizes))
-        for delay in range(-sizes[1], sizes[0] + 1):
-            delays = max(-delay, 0), max(delay, 0)
-            way = [np.clip(steps - d, 0, n - 1) for d, n in zip(delays, sizes, strict=True)]
-            if not self.missing_m[tuple(way)].any():
-                delays_s = [STEP_S * each for each in delays]
-                end_s = max(e + d for e, d in zip(ends_s, delays_s, strict=True))
-                timed = [t.later(d) for t, d in zip(self.own, delays_s, strict=True)]
-                found.append(Guess(end_s, tuple(timed)))
+        for delays in free_delays(self.missing_m == 0.0):
+            delays_s = [STEP_S * each for each in delays]
+            end_s = max(e + d for e, d in zip(ends_s, delays_s, strict=True))
+            timed = [t.later(d) for t, d in zip(self.own, delays_s, strict=True)]
+            found.append(Guess(end_s, tuple(timed)))
         return sorted(found, key=lambda guess: guess.cost_s)
 
 

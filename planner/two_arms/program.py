@@ -53,7 +53,8 @@ the nearest ones. In motions of 6 to 9 s these are 25 to 40 ms apart: hands that
 move by up to 10 cm meanwhile, which the proof may refuse."""
 
 SHORTFALL_PER_M = motion_program.SHORTFALL_PER_M * 140 / INSTANTS
-"""Cost of a metre that is missing between the arms at an instant, in units of time."""
+"""Cost of a metre that is missing between the arms at an instant, in units of time: one that is
+missing for a while costs as much as with the 140 instants for which it was chosen."""
 
 OWN_REACH_M = 0.05
 """An arm's own obstacles are constrained when they are nearer: it keeps clear of them before the
@@ -181,7 +182,7 @@ class Near(NamedTuple):
     @property
     def unit_s(self) -> float:
         """The unit of time: the longest phase."""
-        return _unit_s(self.timed)
+        return unit_s_of(self.timed)
 
     def merit_s(self, unit_s: float) -> float:
         """The cost, and that of missing distances, as the program weighs them."""
@@ -263,11 +264,15 @@ def _interval(u: float, intervals: int) -> tuple[int, FloatArray]:
 
 
 class JointProgram:
-    """The program of both arms, for one pair of tracks."""
+    """The program of both arms, for one pair of tracks.
+
+    Attributes:
+        arms: the tracks, left and right.
+    """
 
     def __init__(self, arms: tuple[ArmTrack, ArmTrack], across: Across) -> None:
         """Store the tracks, left and right, and what both keep from each other."""
-        self._arms, self._across = arms, across
+        self.arms, self._across = arms, across
         counts = [each.track.program.unknowns.count for each in arms]
         shortfalls = [sum(phase.intervals for phase in each.phases) for each in arms]
         ends = np.cumsum(np.ravel([counts, shortfalls], order="F"))
@@ -279,27 +284,22 @@ class JointProgram:
         self._shortfalls = self._makespan + 1 + np.arange(INSTANTS)
         self._count = self._makespan + 1 + INSTANTS
 
-    @property
-    def arms(self) -> tuple[ArmTrack, ArmTrack]:
-        """The tracks, left and right."""
-        return self._arms
-
     def with_intervals(self, factors: Sequence[Sequence[float]]) -> JointProgram:
         """The same program with multiples of the numbers of intervals, by track and phase."""
         left, right = (
-            arm.with_intervals(of_arm) for arm, of_arm in zip(self._arms, factors, strict=True)
+            arm.with_intervals(of_arm) for arm, of_arm in zip(self.arms, factors, strict=True)
         )
         return JointProgram((left, right), self._across)
 
     def timed(self, solution: Solution) -> tuple[Timed, ...]:
         """A solution as a guess."""
-        each = zip(self._arms, solution.motions, solution.waits_s, strict=True)
+        each = zip(self.arms, solution.motions, solution.waits_s, strict=True)
         return tuple(arm.timed(motions, waits_s) for arm, motions, waits_s in each)
 
     def resampled(self, guess: Sequence[Timed]) -> tuple[Timed, ...]:
         """A guess with other numbers of intervals as one of this program."""
         found = []
-        for arm, (sketches, waits_s) in zip(self._arms, guess, strict=True):
+        for arm, (sketches, waits_s) in zip(self.arms, guess, strict=True):
             limits = arm.track.limits
             motions = tuple(trajectory_of(s.controls, s.duration_s, limits) for s in sketches)
             found.append(arm.timed(motions, waits_s))
@@ -307,7 +307,7 @@ class JointProgram:
 
     def near(self, guess: Sequence[Timed]) -> Near:
         """The distances near a guess."""
-        bounds = tuple(arm.bounds(t.sketches) for arm, t in zip(self._arms, guess, strict=True))
+        bounds = tuple(arm.bounds(t.sketches) for arm, t in zip(self.arms, guess, strict=True))
         clocks = self.clocks(guess)
         ends_s = [clock.end_s for clock in clocks]
         times = np.linspace(0.0, max(ends_s), INSTANTS)
@@ -335,7 +335,7 @@ class JointProgram:
 
     def clocks(self, guess: Sequence[Timed]) -> list[Clock]:
         """When each track is where."""
-        return [Clock(arm, timed) for arm, timed in zip(self._arms, guess, strict=True)]
+        return [Clock(arm, timed) for arm, timed in zip(self.arms, guess, strict=True)]
 
     def _by_state(self, episodes: Sequence[Indices]) -> Iterator[tuple[Obstacles, Indices]]:
         """Numbers of the places at which both hands have the same states, with the obstacles."""
@@ -352,7 +352,7 @@ class JointProgram:
             trust: share of the usual maximum changes, above zero, at most one.
         """
         guess, unit_s, trust_share = near.timed, near.unit_s, trust * TRUST_SHARE
-        tracks = [arm.track for arm in self._arms]
+        tracks = [arm.track for arm in self.arms]
         parts = [
             track.program.part(timed.sketches, track, unit_s, Clearances(bounds, trust * TRUST_RAD))
             for track, timed, bounds in zip(tracks, guess, near.bounds, strict=True)
@@ -427,7 +427,7 @@ class JointProgram:
                         if speed:
                             at, weights = self._time(side, int(phase[i]), float(u[i]))
                             rows.add_change(row, at, -speed * weights, x0)
-        for side, (arm, clock) in enumerate(zip(self._arms, clocks, strict=True)):
+        for side, (arm, clock) in enumerate(zip(self.arms, clocks, strict=True)):
             row = rows.new(-clock.grips_s / unit_s)
             at, weights = self._time(side, len(arm.phases) - 1, 1.0)
             rows.add(row, at, -weights)
@@ -439,16 +439,16 @@ class JointProgram:
 
         Those that are given are -1.
         """
-        unknowns = self._arms[side].track.program.unknowns
-        first, local = _interval(u, self._arms[side].phases[phase].intervals)
+        unknowns = self.arms[side].track.program.unknowns
+        first, local = _interval(u, self.arms[side].phases[phase].intervals)
         controls = unknowns.controls[phase][first : first + 4]
         at = np.where(controls < unknowns.count, controls + self._firsts[side], -1)
         return at, weights_at(local)[0][:, None]
 
     def _time(self, side: int, phase: int, u: float) -> tuple[Indices, FloatArray]:
         """The unknown waits and durations before a fraction of a phase, and their weights."""
-        T = self._firsts[side] + self._arms[side].track.program.unknowns.durations
-        waits = self._waits[side][: sum(rest <= phase for rest in self._arms[side].rests)]
+        T = self._firsts[side] + self.arms[side].track.program.unknowns.durations
+        waits = self._waits[side][: sum(rest <= phase for rest in self.arms[side].rests)]
         weights = np.concatenate([np.ones(phase), [u], np.ones(len(waits))])
         return np.concatenate([T[: phase + 1], waits]), weights
 
@@ -488,7 +488,7 @@ class _LinearRows:
         return constant(rows, columns, np.concatenate(self._weights), shape), np.array(self._least)
 
 
-def _unit_s(guess: Sequence[Timed]) -> float:
+def unit_s_of(guess: Sequence[Timed]) -> float:
     """The unit of time: the longest phase of a guess."""
     return max(sketch.duration_s for timed in guess for sketch in timed.sketches)
 

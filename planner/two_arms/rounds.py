@@ -91,17 +91,14 @@ class _Rounds:
         for number in range(1, most + 1):
             before_s = self.near.merit_s(self.near.unit_s)
             solution = self._program.solved(self.near, self._trust)
-            if solution is None:
-                logger.debug("round %d: no solution", number)
+            step = 0.0 if solution is None else self._step(solution)
+            if not step:
                 self._trust *= SHRINKING
-            else:
-                step = self._step(solution)
-                logger.debug(
-                    "round %d: %.3f s, step %g, merit %.3f s -> %.3f s, excess %.1f mm, trust %.2f",
-                    *(number, solution.makespan_s, step, before_s),
-                    *(self.near.merit_s(self.near.unit_s), 1e3 * self.near.excess_m, self._trust),
-                )
             after_s = self.near.merit_s(self.near.unit_s)
+            logger.debug(
+                "round %d: step %g, merit %.3f s -> %.3f s, excess %.1f mm, trust %.2f",
+                *(number, step, before_s, after_s, 1e3 * self.near.excess_m, self._trust),
+            )
             is_settled = bool(self.clear) and before_s - after_s < SETTLED * before_s
             is_hopeless = number == JUDGED and after_s > HOPELESS * self.near.cost_s
             if is_settled or is_hopeless or self._trust < MIN_TRUST:
@@ -119,5 +116,4 @@ class _Rounds:
                 self.near = near
                 self._trust = min(1.0, GROWTH * step * self._trust)
                 return step
-        self._trust *= SHRINKING
         return 0.0

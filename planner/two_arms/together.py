@@ -14,7 +14,7 @@ from baxter_kin.validation import expect, expect_all, finite_scalar
 from planner.clearance import checked_margin_m
 from planner.errors import TaskError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
-from planner.manipulator import Manipulator
+from planner.manipulator import Manipulator, both_of, of_each_arm
 from planner.motion.joint_move import checked_start
 from planner.motion.paths.straight_line import (
     DEFAULT_TOLERANCE,
@@ -75,7 +75,7 @@ def plan_together(
         ConfigurationError: when an arm is outside its limits.
         MotionError: when the margin or the tolerance is invalid.
     """
-    each = {side: _several(given, side) for side, given in _of_both(tasks, "tasks").items()}
+    each = {side: _several(given, side) for side, given in of_each_arm(tasks, "tasks").items()}
     handled = {side: frozenset(task.body for task in each[side]) for side in LIMBS}
     for name in sorted(handled["left"] & handled["right"]):
         raise TaskError(f"{name!r} is in the tasks of both arms")
@@ -107,10 +107,7 @@ def checked_problem(
 
     `handled` has the names of the bodies that each arm handles.
     """
-    arms = {
-        side: expect(arm, Manipulator, f"manipulators[{side!r}]", TaskError)
-        for side, arm in _of_both(manipulators, "manipulators").items()
-    }
+    arms = dict(zip(LIMBS, both_of(manipulators), strict=True))
     expect(state, State, "state", TaskError)
     for side in LIMBS:
         _check_arm(side, arms[side], handled[side], state)
@@ -152,14 +149,6 @@ def _in_rounds(problem: Problem, tasks: Mapping[str, Sequence[PickAndPlace]]) ->
         return problem.failed(stop.failure)
 
 
-def _of_both(given: Any, what: str) -> dict[str, Any]:
-    """The values of a mapping of "left" and "right", in that order."""
-    expect(given, Mapping, what, TaskError)  # type: ignore[type-abstract]
-    if set(given) != set(LIMBS):
-        raise TaskError(f"{what} must be those of left and right, got {sorted(map(str, given))}")
-    return {side: given[side] for side in LIMBS}
-
-
 def _several(given: Any, side: str) -> tuple[PickAndPlace, ...]:
     """One task or several as a tuple."""
     if isinstance(given, PickAndPlace):
@@ -171,8 +160,6 @@ def _several(given: Any, side: str) -> tuple[PickAndPlace, ...]:
 
 
 def _check_arm(side: str, manipulator: Manipulator, handled: frozenset[str], state: State) -> None:
-    if manipulator.arm.side != side:
-        raise TaskError(f"the manipulator for {side!r} is the {manipulator.arm.side} arm")
     for name in sorted(handled):
         if not state.scene[name].is_movable:
             raise TaskError(f"{name!r} is not movable, so it cannot be picked")

@@ -136,7 +136,7 @@ class BothApart:
             for side in LIMBS
         }
         self._proofs: dict[tuple[int, int], tuple[TubeProofs, Indices]] = {}
-        self._held = [(name, *_held_s(plan, name)) for name in sorted(together)]
+        self._held = [(name, *_held_s(plan, name, arms)) for name in sorted(together)]
 
     def track(
         self, tubes: Mapping[str, ClockTube], skew_s: float, margin_m: float
@@ -328,15 +328,17 @@ def _skewed(bounds: tuple[FloatArray, FloatArray], cells: int) -> tuple[FloatArr
     return low.min(axis=-1), high.max(axis=-1)
 
 
-def _held_s(plan: TwoArmPlan, name: str) -> tuple[float, float, dict[str, list[Clip]]]:
+def _held_s(
+    plan: TwoArmPlan, name: str, arms: Mapping[str, ClockedArm]
+) -> tuple[float, float, dict[str, list[Clip]]]:
     """When both hands may hold a body, and where each arm is settled meanwhile."""
     begins, ends, clips = list[float](), list[float](), dict[str, list[Clip]]()
     for side in LIMBS:
-        motion, clips[side] = plan.motion_of(side), []
-        for timed in plan.steps_of(side):
+        clips[side] = []
+        for number, timed in enumerate(plan.steps_of(side)):
             if not isinstance(timed.step, Grip) or timed.step.body != name:
                 continue
-            clips[side].append(Clip(timed.begin_s, timed.end_s, motion.sample(timed.begin_s).q))
+            clips[side].append(arms[side].clips[number])
             is_close = timed.step.action is GripperAction.CLOSE
             (begins if is_close else ends).append(timed.begin_s if is_close else timed.end_s)
     return max(begins), min(ends), clips

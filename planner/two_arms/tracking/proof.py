@@ -26,7 +26,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import expect, finite_scalar
 from planner.clearance import checked_margin_m
 from planner.errors import ResponseError, TaskError
-from planner.manipulator import Manipulator
+from planner.manipulator import Manipulator, both_of, of_each_arm
 from planner.motion.response import Response
 from planner.pick_place.tracked_runs import TrackingRequirements
 from planner.pick_place.tracking import (
@@ -170,7 +170,10 @@ def prove_tracking_of_both(
             start_rad=not_negative(start_rad, "start_rad"),
         ),
     )
-    arms = _checked_manipulators(manipulators)
+    if manipulators is None:
+        robot = Baxter.load()
+        manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
+    arms = dict(zip(LIMBS, both_of(manipulators), strict=True))
     if plan.failure is not None:
         failure = f"the plan is not valid: {plan.failure}"
         none = {
@@ -302,12 +305,9 @@ def checked_responses(response: Response | Mapping[str, Response]) -> dict[str, 
     """The response of each arm, at one speed."""
     if isinstance(response, Response):
         return dict.fromkeys(LIMBS, response)
-    expect(response, Mapping, "response", ResponseError)  # type: ignore[type-abstract]
-    if set(response) != set(LIMBS):
-        raise ResponseError(f"response must be of left and right, got {sorted(map(str, response))}")
     found = {
-        side: expect(response[side], Response, f"response[{side!r}]", ResponseError)
-        for side in LIMBS
+        side: expect(of, Response, f"response[{side!r}]", ResponseError)
+        for side, of in of_each_arm(response, "response", ResponseError).items()
     }
     speeds = [of.speed for of in found.values()]
     if speeds[0] != speeds[1]:
@@ -315,18 +315,3 @@ def checked_responses(response: Response | Mapping[str, Response]) -> dict[str, 
             f"both arms are on one clock, at one speed, got {speeds[0]:g} and {speeds[1]:g}"
         )
     return found
-
-
-def _checked_manipulators(given: Mapping[str, Manipulator] | None) -> dict[str, Manipulator]:
-    """Both arms, of one robot."""
-    if given is None:
-        robot = Baxter.load()
-        return {side: Manipulator.of(robot, side) for side in LIMBS}
-    expect(given, Mapping, "manipulators", TaskError)  # type: ignore[type-abstract]
-    if set(given) != set(LIMBS):
-        raise TaskError(f"manipulators must be of left and right, got {sorted(map(str, given))}")
-    for side in LIMBS:
-        arm = expect(given[side], Manipulator, f"manipulators[{side!r}]", TaskError)
-        if arm.arm.side != side:
-            raise TaskError(f"the manipulator for {side!r} is the {arm.arm.side} arm")
-    return {side: given[side] for side in LIMBS}

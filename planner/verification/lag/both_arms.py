@@ -29,7 +29,7 @@ from planner.certificate.boxes import Tube
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Mover, Pair
 from planner.certificate.timeline import Timeline
-from planner.certificate.timeline.both_arms import BothArms, HandInterval
+from planner.certificate.timeline.both_arms import SAME_TIME_S, BothArms, HandInterval
 from planner.motion.response import Response
 from planner.plan import Grip, GripperAction, Move
 from planner.trajectory import Trajectory
@@ -52,9 +52,6 @@ APART, HANDS = "tracking: arms apart", "tracking: hands in one body"
 MAX_HANDS_M = 0.025
 """Maximum displacement of one hand, seen from the other, in a body that both hold. The planner
 allows 20 mm, of a tighter bound."""
-
-SAME_TIME_S = 1e-9
-"""Times on the clock that are nearer to each other are the same."""
 
 SINCE_BEGINNING = "after the beginning"
 
