@@ -71,25 +71,34 @@ class Covers(NamedTuple):
     radii: FloatArray
 
     def gaps_m(
-        self, poses: FloatArray, number: Indices, first: Indices, second: Indices
+        self, poses: FloatArray, number: Indices, pairs: Indices, within_m: float = np.inf
     ) -> FloatArray:
-        """Lower bounds on the distances of pairs, shape (k,), m; negative ones have no meaning.
+        """Lower bounds on the distances of pairs, shape (k,), m; negative ones bound a depth.
 
-        They are distances from the ball around the first shape to the box around the second.
+        They are those of the balls, or, where these are nearer than `within_m`, of the boxes along
+        the axes of either one; or of a ball and a box, whichever is largest. The depth is that of
+        the shapes' convex hulls.
 
         Args:
             poses: of all shapes in base, shape (m, n, 4, 4).
             number: which of the m poses each pair is at, shape (k,).
-            first: number of the first shape of each pair, shape (k,).
-            second: number of the second, shape (k,).
+            pairs: numbers of the two shapes of each pair, shape (k, 2).
+            within_m: no larger bound matters.
         """
-        T_first, T = poses[number, first], poses[number, second]
-        centres = (T_first[:, :3, :3] @ self.centres[first, :, None])[..., 0] + T_first[:, :3, 3]
-        apart = centres - T[:, :3, 3]
-        inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
-        outside = np.maximum(self.lowest[second] - inside, inside - self.highest[second])
-        distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
-        gaps: FloatArray = distances - self.ball_radii[first]
+        first, second = pairs.T
+        centres = (poses[..., :3, :3] @ self.centres[:, :, None])[..., 0] + poses[..., :3, 3]
+        apart = centres[number, second] - centres[number, first]
+        gaps: FloatArray = _lengths(apart) - self.ball_radii[first] - self.ball_radii[second]
+        near = np.flatnonzero(gaps < within_m)
+        R, shapes = poses[..., :3, :3], (first[near], second[near])
+        R_base = [R[number[near], each] for each in shapes]
+        halves = [(self.highest - self.lowest)[each] / 2 for each in shapes]
+        turned = np.abs(R_base[0].swapaxes(1, 2) @ R_base[1])  # axes of the second in the first
+        for own, other, R_other in ((0, 1, turned), (1, 0, turned.swapaxes(1, 2))):
+            along = np.abs((apart[near, None] @ R_base[own])[:, 0]) - halves[own]
+            of_ball = _outside_m(along) - self.ball_radii[shapes[other]]
+            of_box = _outside_m(along - (R_other @ halves[other][:, :, None])[..., 0])
+            gaps[near] = np.maximum(gaps[near], np.maximum(of_ball, of_box))
         return gaps
 
     def with_those_of(self, geometries: list[coal.CollisionGeometry]) -> Covers:
@@ -116,6 +125,19 @@ class Covers(NamedTuple):
         balls = np.where(round_ends, np.hypot(lengths, radii), 0.0)
         balls = np.where(round_ends, balls, np.linalg.norm(highest - lowest, axis=1) / 2)
         return cls(lowest, highest, centres, balls, ends, radii)
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """The lengths of vectors, shape (k, 3): shape (k,)."""
+    lengths: FloatArray = np.sqrt(np.einsum("ki,ki->k", vectors, vectors))
+    return lengths
+
+
+def _outside_m(along: FloatArray) -> FloatArray:
+    """The distance from a box, given its excess along each axis, shape (k, 3); negative inside."""
+    deep = along.max(axis=1)
+    distances: FloatArray = np.where(deep > 0.0, _lengths(along.clip(min=0.0)), deep)
+    return distances
 
 
 def _capsule(geometry: coal.CollisionGeometry, half: FloatArray) -> tuple[FloatArray, float]:

@@ -65,6 +65,20 @@ class LinearBounds(NamedTuple):
         return float(-self.least_m.clip(max=0.0).sum())
 
 
+class NearPairs(NamedTuple):
+    """Pairs of shapes that are near each other at some configurations.
+
+    Attributes:
+        number: of the configuration, ascending, shape (n,).
+        excess_m: of the distance over the required one, shape (n,), m.
+        slopes: its gradient, shape (n, J), m/rad.
+    """
+
+    number: Indices
+    excess_m: FloatArray
+    slopes: FloatArray
+
+
 class Obstacles:
     """The obstacles in one context.
 
@@ -109,50 +123,38 @@ class Obstacles:
         intervals = len(windows)
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, controls.shape[1])
         placed = self._motion_bounds.place(self._full, qs)
-        gaps = self._gaps_m(placed) - self.needed_m
+        bounds = self._bounds_m(placed, reach_m)
         least = np.full(len(qs), reach_m)
         for first in range(0, len(qs), SAMPLES):
             within_m = reach_m
             for k in range(first, first + SAMPLES):
-                for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
-                    least[k] = within_m = min(within_m, excess)
+                for excess, _ in self._nearest(placed, k, bounds[k], 1, within_m):
+                    least[k] = within_m = excess
         by_interval = least.reshape(intervals, SAMPLES)
         deepest = by_interval.argmin(axis=1)
+        chosen = SAMPLES * np.arange(intervals) + deepest
+        near = self._linear(placed, bounds, chosen[least[chosen] < reach_m], PAIRS, reach_m)
+        interval = near.number // SAMPLES
+        row = np.arange(len(interval)) - np.searchsorted(interval, interval)
         coefficients = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
         coefficients[:, :, -1] = reach_m
-        axes = self._motion_bounds.axes(placed)
-        for interval, k in enumerate((SAMPLES * np.arange(intervals) + deepest).tolist()):
-            if least[k] < reach_m:
-                for row, (excess, i) in enumerate(
-                    self._nearest(placed, k, gaps[k], PAIRS, reach_m)
-                ):
-                    slope = self._slope(placed, k, i, axes[k])
-                    coefficients[interval, row] = [*slope, excess - slope @ qs[k]]
+        coefficients[interval, row, :-1] = near.slopes
+        here = np.einsum("ij,ij->i", near.slopes, qs[near.number])
+        coefficients[interval, row, -1] = near.excess_m - here
         weights = weights_at(fractions[deepest])
         return LinearBounds(weights, coefficients, by_interval.min(axis=1))
 
-    def nearest(
-        self, qs: FloatArray, most: int, within_m: float = REACH_M
-    ) -> list[list[tuple[float, FloatArray]]]:
+    def nearest(self, qs: FloatArray, most: int, within_m: float = REACH_M) -> NearPairs:
         """The smallest excesses of distances at configurations, and their gradients.
 
         Args:
             qs: the configurations, shape (m, J), rad.
             most: maximum number of pairs at each, the nearest ones.
             within_m: pairs whose excess is not below this are left out.
-
-        Returns:
-            For each configuration, pairs of an excess, m, and its gradient, shape (J,), m/rad.
         """
         placed = self._motion_bounds.place(self._full, qs)
-        gaps, axes = self._gaps_m(placed) - self.needed_m, self._motion_bounds.axes(placed)
-        return [
-            [
-                (excess, self._slope(placed, k, i, axes[k]))
-                for excess, i in self._nearest(placed, k, gaps[k], most, within_m)
-            ]
-            for k in range(len(qs))
-        ]
+        bounds = self._bounds_m(placed, within_m)
+        return self._linear(placed, bounds, np.arange(len(qs)), most, within_m)
 
     def least_m(self, qs: FloatArray, within_m: float) -> FloatArray:
         """The smallest excess at configurations, shape (m, J), rad: shape (m,), m.
@@ -160,38 +162,54 @@ class Obstacles:
         It is `within_m` where no pair is nearer.
         """
         placed = self._motion_bounds.place(self._full, qs)
-        gaps = self._gaps_m(placed) - self.needed_m
-        found = (self._nearest(placed, k, gaps[k], 1, within_m) for k in range(len(qs)))
-        return np.array([min([within_m, *(excess for excess, _ in near)]) for near in found])
+        bounds = self._bounds_m(placed, within_m)
+        least = np.full(len(qs), within_m)
+        for k in np.flatnonzero((bounds < within_m).any(axis=1)).tolist():
+            for excess, _ in self._nearest(placed, k, bounds[k], 1, within_m):
+                least[k] = excess
+        return least
 
     def _kept(self, placed: Placed, margin_m: float) -> FloatArray:
-        gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
-        for k, near in enumerate(gaps < margin_m / KEPT_SHARE):
+        near_m, least = margin_m / KEPT_SHARE, np.full(len(self._pairs), np.inf)
+        excess = self._bounds_m(placed, near_m - margin_m)
+        for k, near in enumerate(excess < near_m - margin_m):
             for i in np.flatnonzero(near).tolist():
                 least[i] = min(least[i], self._distance(placed, k, i))
         inside = np.where(self._is_own, -np.inf, least - EXTRA_DEPTH_M)
         return np.where(least <= 0.0, inside, np.minimum(margin_m, KEPT_SHARE * least))
 
-    def _gaps_m(self, placed: Placed) -> FloatArray:
-        """Lower bounds on all distances, shape (configurations, pairs)."""
+    def _bounds_m(self, placed: Placed, within_m: float) -> FloatArray:
+        """Lower bounds on all excesses, shape (configurations, pairs).
+
+        No larger bound than `within_m` matters.
+        """
         count, pairs = len(placed.shapes), len(self._pair_indices)
         at, number = np.repeat(np.arange(count), pairs), np.tile(self._pair_indices, count)
-        return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
+        within_m += float(self.needed_m.max(initial=0.0))
+        gaps_m = self._checked.gaps_m(placed.shapes, at, number, within_m)
+        excess_m: FloatArray = gaps_m.reshape(count, pairs) - self.needed_m
+        return excess_m
 
     def _nearest(
-        self, placed: Placed, k: int, gaps: FloatArray, most: int, within_m: float = REACH_M
+        self, placed: Placed, k: int, bounds: FloatArray, most: int, within_m: float
     ) -> list[tuple[float, int]]:
-        """Up to `most` smallest excesses at a configuration, and the numbers of their pairs.
+        """Up to `most` smallest excesses below `within_m`, and the numbers of their pairs.
 
-        Pairs whose lower bounds, `gaps`, are not below `within_m` are excluded.
+        Args:
+            placed: poses at some configurations.
+            k: number of the configuration.
+            bounds: lower bounds on the excess of each pair there.
+            most: maximum number of pairs.
+            within_m: no larger excess counts.
         """
         found: list[tuple[float, int]] = []
-        near = np.flatnonzero(gaps < within_m)
-        for i in near[np.argsort(gaps[near])].tolist():
-            if len(found) == most and gaps[i] >= found[-1][0]:
+        near = np.flatnonzero(bounds < within_m)
+        for i in near[np.argsort(bounds[near])].tolist():
+            if len(found) == most and bounds[i] >= found[-1][0]:
                 break
-            found.append((self._distance(placed, k, i) - float(self.needed_m[i]), i))
-            found = sorted(found)[:most]
+            excess = self._distance(placed, k, i) - float(self.needed_m[i])
+            if excess < within_m:
+                found = sorted([*found, (excess, i)])[:most]
         return found
 
     def _distance(self, placed: Placed, k: int, i: int) -> float:
@@ -213,15 +231,26 @@ class Obstacles:
             self._poses[shape] = coal.Transform3s(T[:3, :3], T[:3, 3])
         return self._poses[shape]
 
-    def _slope(self, placed: Placed, k: int, i: int, axes: FloatArray) -> FloatArray:
-        """Derivative of a distance by the joints at a configuration, shape (J,), m/rad."""
-        self._distance(placed, k, i)  # stores normal and nearest points in the result
-        origins = placed.joints[k, :, :3, 3]
-        x, y, z = np.array(self._result.normal)
-        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # r @ across = r x normal
-        points = self._result.getNearestPoint1(), self._result.getNearestPoint2()
-        slope = np.zeros(len(axes))
-        for shape, point, sign in zip(self._pairs[i], points, (-1.0, 1.0), strict=True):
-            towards = np.einsum("ij,ij->i", axes, (point - origins) @ across)
-            slope += sign * self._motion_bounds.moves[shape] * towards
-        return slope
+    def _linear(
+        self, placed: Placed, bounds: FloatArray, numbers: Indices, most: int, within_m: float
+    ) -> NearPairs:
+        """The nearest pairs at some of the configurations, which are given by their numbers."""
+        found = [
+            (k, excess, i)
+            for k in numbers.tolist()
+            for excess, i in self._nearest(placed, k, bounds[k], most, within_m)
+        ]
+        normals, points = np.empty((len(found), 3)), np.empty((len(found), 2, 3))
+        for row, (k, _, i) in enumerate(found):
+            self._distance(placed, k, i)  # stores normal and nearest points in the result
+            normals[row] = self._result.normal
+            points[row, 0] = self._result.getNearestPoint1()
+            points[row, 1] = self._result.getNearestPoint2()
+        number = np.array([k for k, _, _ in found], dtype=np.intp)
+        pairs = self._pairs[[i for _, _, i in found]]
+        axes = self._motion_bounds.axes(placed)[number]  # n, J, 3
+        from_joints = points[:, :, None] - placed.joints[number, None, :, :3, 3]  # n, 2, J, 3
+        speeds = np.cross(axes[:, None], from_joints) @ normals[:, None, :, None]
+        speeds = np.where(self._motion_bounds.moves[pairs], speeds[..., 0], 0.0)
+        excess_m = np.array([excess for _, excess, _ in found])
+        return NearPairs(number, excess_m, speeds[:, 1] - speeds[:, 0])

@@ -257,15 +257,20 @@ class CheckedPairs:
         """The distance that every pair must exceed when others keep a margin, shape (n,), m."""
         return np.where(self.is_contact, self.min_distances_m, margin_m)
 
-    def gaps_m(self, poses: FloatArray, number: Indices, pair: Indices) -> FloatArray:
+    def gaps_m(
+        self, poses: FloatArray, number: Indices, pair: Indices, within_m: float = np.inf
+    ) -> FloatArray:
         """Lower bounds on distances, less the thickness, shape (k,), m.
 
         Args:
             poses: of all shapes in base, shape (m, n, 4, 4).
             number: number of the poses that each pair is at, shape (k,).
             pair: number of each pair, shape (k,).
+            within_m: no larger bound matters.
         """
-        return self.covers.gaps_m(poses, number, *self.pairs[pair].T) - self.thickness_m[pair]
+        thickness_m = self.thickness_m[pair]
+        within_m += float(thickness_m.max(initial=0.0))
+        return self.covers.gaps_m(poses, number, self.pairs[pair], within_m) - thickness_m
 
     def clearance_of(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """The `Clearance` that reports a distance of a pair."""

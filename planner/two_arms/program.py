@@ -28,7 +28,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.obstacles import LinearBounds, Obstacles
+from planner.collision.obstacles import LinearBounds, NearPairs, Obstacles
 from planner.motion.program import motion_program
 from planner.motion.program.motion_program import (
     EXTRA_MARGIN_M,
@@ -229,7 +229,8 @@ class Clock:
         self.begins_s, self.durations_s = np.array(begins), np.array(durations)
         self.grips_s = arm.grip_s * sum(phase is None for phase, _ in arm.steps)
         self._changes, self._episodes = np.array(changes), np.array(episodes)
-        self._controls = [sketch.controls for sketch in timed.sketches]
+        self._controls = np.concatenate([sketch.controls for sketch in timed.sketches])
+        self._intervals = np.array([sketch.intervals for sketch in timed.sketches])
 
     def at(self, times_s: FloatArray) -> tuple[Indices, FloatArray]:
         """The phase at each time, and the fraction of it that has passed, 0 or 1 at rest."""
@@ -244,23 +245,31 @@ class Clock:
         found: Indices = self._episodes[number]
         return found
 
+    def four_at(self, times_s: FloatArray) -> tuple[Indices, FloatArray]:
+        """Numbers of the four controls at each time, counted over all phases, and the fractions.
+
+        The fractions are those of the interval that the controls determine; shapes (m, 4) and (m,).
+        """
+        phase, u = self.at(times_s)
+        first, local = _interval(u, self._intervals[phase])
+        firsts = np.cumsum(self._intervals + 3) - (self._intervals + 3)
+        return (firsts[phase] + first)[:, None] + np.arange(4), local
+
     def states(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions, rad, and velocities, rad/s, at some times, shape (m, joints) each."""
-        q, v = [], []
-        for k, u in zip(*self.at(times_s), strict=True):
-            controls = self._controls[k]
-            first, local = _interval(u, len(controls) - 3)
-            four = controls[first : first + 4]
-            q.append(weights_at(local)[0] @ four)
-            rate = rates_at(local)[0] @ four * (len(controls) - 3) / self.durations_s[k]
-            v.append(rate if 0.0 < u < 1.0 else np.zeros_like(rate))
-        return np.array(q), np.array(v)
+        phase, u = self.at(times_s)
+        numbers, local = self.four_at(times_s)
+        four, is_moving = self._controls[numbers], (u > 0.0) & (u < 1.0)
+        per_s = np.where(is_moving, self._intervals[phase] / self.durations_s[phase], 0.0)
+        q = np.einsum("mk,mkj->mj", weights_at(local), four)
+        v = np.einsum("mk,mkj->mj", rates_at(local), four)
+        return q, v * per_s[:, None]
 
 
-def _interval(u: float, intervals: int) -> tuple[int, FloatArray]:
-    """The interval at a fraction of a phase, and the fraction of that interval, shape (1,)."""
-    number = min(int(u * intervals), intervals - 1)
-    return number, np.array([u * intervals - number])
+def _interval(u: FloatArray, intervals: Indices) -> tuple[Indices, FloatArray]:
+    """The interval at fractions of phases, and the fraction of that interval."""
+    number = np.minimum((u * intervals).astype(np.intp), intervals - 1)
+    return number, u * intervals - number
 
 
 class JointProgram:
@@ -411,81 +420,62 @@ class JointProgram:
         """Rows `matrix @ x >= least`: distances of the arms at instants, and the makespan."""
         times = np.linspace(0.0, max(clock.end_s for clock in clocks), INSTANTS)
         states = [clock.states(times) for clock in clocks]
-        qs = np.concatenate([q for q, _ in states], axis=1)
-        places = [clock.at(times) for clock in clocks]
-        rows = _LinearRows()
+        near = self._nearest(clocks, times, np.concatenate([q for q, _ in states], axis=1))
+        rows, at, count = np.arange(len(near.number)), near.number, len(near.number)
+        entries = [(rows, self._shortfalls[at], np.ones(count))]
+        for side, (clock, (_, v)) in enumerate(zip(clocks, states, strict=True)):
+            slopes = near.slopes[:, 7 * side : 7 * side + 7]
+            numbers, local = clock.four_at(times)
+            controls = np.concatenate(self.arms[side].track.program.unknowns.controls)[numbers[at]]
+            weights = weights_at(local)[at, :, None] * slopes[:, None]
+            is_given = controls >= self.arms[side].track.program.unknowns.count
+            entries.append((rows, controls + self._firsts[side], np.where(is_given, 0.0, weights)))
+            speeds = unit_s * np.einsum("ij,ij->i", slopes, v[at])
+            columns, weights = self._passed(side, *clock.at(times[at]))
+            entries.append((rows, columns, -speeds[:, None] * weights))
+        row, column, weight = _flat(entries)
+        used = weight != 0.0
+        row, column, weight = row[used], column[used], weight[used]
+        least = np.bincount(row, weight * x0[column], count) - near.excess_m
+        ends = [(row, column, weight)]
+        for side, arm in enumerate(self.arms):
+            columns, weights = self._passed(side, np.array([len(arm.phases) - 1]), np.ones(1))
+            ends.append((np.array([count + side]), columns, -weights))
+            ends.append((np.array([count + side]), np.array([self._makespan]), np.ones(1)))
+        matrix = constant(*_flat(ends), (count + 2, self._count))
+        return matrix, np.concatenate([least, [clock.grips_s / unit_s for clock in clocks]])
+
+    def _nearest(self, clocks: Sequence[Clock], times: FloatArray, qs: FloatArray) -> NearPairs:
+        """The nearest pairs of both arms at times of the clock."""
+        found = []
         for near, where in self._by_state([clock.episodes_at(times) for clock in clocks]):
-            for i, found in zip(where.tolist(), near.nearest(qs[where], PAIRS), strict=True):
-                for excess, slope in found:
-                    row = rows.new(excess)
-                    rows.add(row, self._shortfalls[i : i + 1], np.ones(1))
-                    for side, (phase, u) in enumerate(places):
-                        s = slope[7 * side : 7 * side + 7]
-                        at, weights = self._position(side, int(phase[i]), float(u[i]))
-                        rows.add_change(row, at, weights * s, x0)
-                        speed = float(s @ states[side][1][i]) * unit_s
-                        if speed:
-                            at, weights = self._time(side, int(phase[i]), float(u[i]))
-                            rows.add_change(row, at, -speed * weights, x0)
-        for side, (arm, clock) in enumerate(zip(self.arms, clocks, strict=True)):
-            row = rows.new(-clock.grips_s / unit_s)
-            at, weights = self._time(side, len(arm.phases) - 1, 1.0)
-            rows.add(row, at, -weights)
-            rows.add(row, np.array([self._makespan]), np.ones(1))
-        return rows.of(self._count)
+            pairs = near.nearest(qs[where], PAIRS)
+            found.append(pairs._replace(number=where[pairs.number]))
+        return NearPairs(*map(np.concatenate, zip(*found, strict=True)))
 
-    def _position(self, side: int, phase: int, u: float) -> tuple[Indices, FloatArray]:
-        """The controls of an arm at a fraction of a phase, and their weights: (4, 7), (4, 1).
+    def _passed(self, side: int, phase: Indices, u: FloatArray) -> tuple[Indices, FloatArray]:
+        """Durations and waits of an arm, and which shares of them are before fractions of phases.
 
-        Those that are given are -1.
+        Their numbers have the shape (k,), the shares (m, k).
         """
-        unknowns = self.arms[side].track.program.unknowns
-        first, local = _interval(u, self.arms[side].phases[phase].intervals)
-        controls = unknowns.controls[phase][first : first + 4]
-        at = np.where(controls < unknowns.count, controls + self._firsts[side], -1)
-        return at, weights_at(local)[0][:, None]
-
-    def _time(self, side: int, phase: int, u: float) -> tuple[Indices, FloatArray]:
-        """The unknown waits and durations before a fraction of a phase, and their weights."""
-        T = self._firsts[side] + self.arms[side].track.program.unknowns.durations
-        waits = self._waits[side][: sum(rest <= phase for rest in self.arms[side].rests)]
-        weights = np.concatenate([np.ones(phase), [u], np.ones(len(waits))])
-        return np.concatenate([T[: phase + 1], waits]), weights
+        arm = self.arms[side]
+        T = self._firsts[side] + arm.track.program.unknowns.durations
+        of_phases = (phase[:, None] + u[:, None] - np.arange(len(T))).clip(0.0, 1.0)
+        of_waits = np.array(arm.rests) <= phase[:, None]
+        return np.concatenate([T, self._waits[side]]), np.hstack([of_phases, of_waits])
 
 
-class _LinearRows:
-    """Rows of a sparse linear system, `sum of weights x >= least`."""
+def _flat(
+    entries: Sequence[tuple[Indices, Indices, FloatArray]],
+) -> tuple[Indices, Indices, FloatArray]:
+    """Rows, columns and weights of entries of a matrix, one after the other.
 
-    def __init__(self) -> None:
-        self._rows: list[Indices] = []
-        self._columns: list[Indices] = []
-        self._weights: list[FloatArray] = []
-        self._least: list[float] = []
-
-    def new(self, constant_term: float) -> int:
-        """A new row, whose sum plus a constant is at least zero."""
-        self._least.append(-constant_term)
-        return len(self._least) - 1
-
-    def add(self, row: int, at: Indices, weights: FloatArray) -> None:
-        """Add weights of unknowns to a row."""
-        self._rows.append(np.full(at.size, row))
-        self._columns.append(at.ravel())
-        self._weights.append(np.asarray(weights, float).ravel())
-
-    def add_change(self, row: int, at: Indices, weights: FloatArray, x0: FloatArray) -> None:
-        """Add weights of the changes of unknowns from a guess; unknowns -1 do not change."""
-        at, weights = np.broadcast_arrays(at, weights)
-        is_unknown = at >= 0
-        at, weights = at[is_unknown], weights[is_unknown]
-        self._least[row] += float(weights @ x0[at])
-        self.add(row, at, weights)
-
-    def of(self, unknowns: int) -> tuple[ca.DM, FloatArray]:
-        """The matrix and the minimum of each row of the product."""
-        rows, columns = np.concatenate(self._rows), np.concatenate(self._columns)
-        shape = len(self._least), unknowns
-        return constant(rows, columns, np.concatenate(self._weights), shape), np.array(self._least)
+    Rows are those of the first axis of the weights; columns broadcast.
+    """
+    rows = [np.repeat(row, np.prod(weight.shape[1:], dtype=int)) for row, _, weight in entries]
+    columns = [np.broadcast_to(column, weight.shape).ravel() for _, column, weight in entries]
+    weights = [weight.ravel() for _, _, weight in entries]
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(weights)
 
 
 def unit_s_of(guess: Sequence[Timed]) -> float:

@@ -62,6 +62,19 @@ def test_bounds_are_distances_and_their_derivatives(
     assert near == INTERVALS
 
 
+def test_the_nearest_pairs_at_configurations_are_those_of_bounds(
+    around: CollisionContext, controls: FloatArray
+) -> None:
+    obstacles = obstacles_of(around, NONE, MARGIN_M)
+    bounds = obstacles.bounds(controls)
+    qs = positions(controls, bounds.weights)
+    near = obstacles.nearest(qs, most=1)
+    assert near.number.tolist() == list(range(INTERVALS))
+    np.testing.assert_allclose(near.excess_m, bounds.least_m, atol=1e-9)
+    np.testing.assert_allclose(near.slopes, bounds.coefficients[:, 0, :-1], atol=1e-12)
+    assert not len(obstacles.nearest(qs, most=1, within_m=bounds.excess_m).number)
+
+
 def least_excess(obstacles: Obstacles, q: FloatArray) -> float:
     """The smallest excess over a motion that rests."""
     return obstacles.bounds(np.tile(q, (4, 1))).excess_m
