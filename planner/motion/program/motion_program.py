@@ -253,12 +253,18 @@ class MotionProgram:
             is_unknown = controls < unknowns.count
             for values, bounds in ((low, limits.q_min), (high, limits.q_max)):
                 values[controls[is_unknown]] = np.broadcast_to(bounds, controls.shape)[is_unknown]
+        begins_at_rest = not (self.phases[0].enters or self.phases[0].is_moving)
         for phase, fractions in zip(self.phases, unknowns.fractions, strict=True):
-            if fractions is not None:
+            if fractions is not None and phase.piece is not None:
                 first, last = phase.ends
+                kept = task.kept_from_ends(phase.piece)
+                ends_at_rest = (first, begins_at_rest), (last, phase.rests)
+                low[fractions] = kept if (0.0, True) in ends_at_rest else 0.0
+                high[fractions] = 1.0 - kept if (1.0, True) in ends_at_rest else 1.0
                 low[fractions[0]] = high[fractions[0]] = first
                 given = fractions if phase.only_ends else fractions[-1]
                 low[given] = high[given] = last
+            begins_at_rest = phase.rests
         if task.near is not None:
             q, most_rad = task.near
             last = unknowns.controls[-1][-1]

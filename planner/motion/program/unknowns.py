@@ -15,7 +15,7 @@ from baxter_kin import Arm, JointLimits
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import dimensions_of
 from baxter_kin.validation import FloatArray, Indices
-from planner.motion.paths.pieces import Piece
+from planner.motion.paths.pieces import MIN_LENGTH, Piece
 
 PIECE_NUMBERS = 25
 """Initial position and rotation, axis and angle of the turn, three coefficients of the position."""
@@ -32,6 +32,10 @@ POSE_NUMBERS = 12
 HOLDING_NUMBERS = GEOMETRY_NUMBERS + POSE_NUMBERS + POSE_NUMBERS + 2
 """The second arm's geometry, the pose of its first axis seen from the first arm's, the relative
 pose that is held, and the tolerance of that."""
+
+
+MAX_KEPT = 0.1
+"""Maximum fraction of a piece that is kept from each of its ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,6 +241,14 @@ class MotionTask:
     near: tuple[FloatArray, float] | None = None
     T_tip_frame: pin.SE3 | None = None
     holding: Holding | None = None
+
+    def kept_from_ends(self, piece: int) -> float:
+        """The fraction that knots of a piece keep from an end at which the arm rests.
+
+        It is the tolerance: no tip within that passes the end, and puts a body down twice.
+        """
+        length_m = max(self.pieces[piece].length_m, MIN_LENGTH)
+        return min(self.tolerance[0] / length_m, MAX_KEPT)
 
 
 def piece_numbers(piece: Piece, arm: Arm, axis: str = "z") -> FloatArray:

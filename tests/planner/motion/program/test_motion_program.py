@@ -25,6 +25,7 @@ from planner.motion.program.motion_program import (
     TRUST_RAD,
     MotionProgram,
     Motions,
+    Track,
     led_around,
 )
 from planner.motion.program.rows import Clearances, Rows, spline_rows
@@ -117,6 +118,24 @@ def straight(
     found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
     assert found is not None
     return found[0]
+
+
+def test_no_tip_within_its_tolerance_passes_an_end_at_rest(left: Arm, q_grasp: FloatArray) -> None:
+    """An arm that has time may be anywhere within; beyond the end, it puts a body down twice."""
+    rise, limits = straight(left, q_grasp, 0.15, 20), left.limits
+    line, guess = StraightLine(*left.T_base_tips(rise.q[[0, -1]])), Sketch.of(rise, 20)
+    phases = [Phase(20, 0, (1.0, 0.0), rests=True), Phase(20, 0, leaves=True)]
+    program = MotionProgram(phases, 7)
+    track = Track(program, MotionTask(rise.q_goal, (line,), TOLERANCE), left, limits)
+    part = program.part([guess._replace(q=guess.q[::-1]), guess], track, 1.0)
+    down, up = (
+        np.array([part.inputs[name][fractions[1:-1]] for name in ("lbx", "ubx")])
+        for fractions in program.unknowns.fractions
+        if fractions is not None
+    )
+    for kept in (down[0], 1.0 - down[1], up[0]):
+        assert np.min(0.15 * kept) >= POSITION_M * (1.0 - 1e-9)
+    assert np.max(up[1]) == 1.0  # it leaves at speed
 
 
 @pytest.mark.parametrize("speed", [1e-6, 0.1])
