@@ -1,9 +1,9 @@
 """The search for a free move that is not the straight line, of one arm or of both.
 
 **One arm.** The motion program is led around the obstacles on the straight line; where that fails
-or is much slower, around those on a line that first leaves a confined end along straight lines of
-the tip; then around those on paths that OMPL finds. If nothing else is clear, such a path itself,
-at rest in each corner.
+or is much slower, around those on a line that first leaves a confined end by a retreat; then around
+those on paths that OMPL finds. If nothing else is clear, such a path itself, at rest in each
+corner.
 
 **Both arms.** Each arm's own motion, as if there were no other arm, and both at once, if that is
 clear. Otherwise the program of all 14 joints leads the arms around each other: from both at once,
@@ -20,11 +20,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import takewhile
 from typing import TypeAlias
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
@@ -34,9 +32,8 @@ from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, IsFr
 from planner.collision.obstacles import Obstacles
 from planner.errors import FreeMoveError
 from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
-from planner.motion.paths.straight_line import StraightLine
-from planner.motion.program.guess import follow
 from planner.motion.program.motion_program import MotionProgram, Motions, led_along, led_around
+from planner.motion.program.retreat import Surroundings
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.rrt import EDGE_STEP_RAD, search_corners
 from planner.splines import Sketch
@@ -68,22 +65,8 @@ start, which seldom helps."""
 TOUCHING_M = 0.01
 """Distance by which hulls along a clear path fall short, because they are not the shapes."""
 
-RETREAT_STRIDE = 0.01
-"""Minimum step of a retreat, as a fraction of its line."""
-
 CONFINED_M = 0.02
-"""An end that is nearer to something is left along lines before a path is searched: a search hardly
-ever finds its way into a hand's pose around a body, between two boards."""
-
-RETREAT_M, RETREAT_STEPS, MIN_RETREAT_STEPS, RETREATS = 0.3, 15, 3, 2
-"""Length of a line on which an end is left; number of its steps; how many of these must be free;
-and number of lines."""
-
-RETREAT_AXES = np.array([[0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
-"""Directions of these lines, seen from the tip: out of the grasp, and across."""
-
-UP_AND_BACK = np.array([[0, 0, 1], [-1, 0, 0]], dtype=float)
-"""Other directions, in base: up, and back towards the robot."""
+"""An end that is nearer to something is left by a retreat before a path is searched."""
 
 SAMPLES = 40
 """Number of samples of the slower arm's motion, at which it is compared with the other's."""
@@ -131,7 +114,7 @@ class Search:
         best = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
         if best is not None and self._is_enough(best):
             return best
-        leaving, coming = (self._retreat(q, is_free) for q in ends)
+        leaving, coming = (self._retreat(q, obstacles, is_free) for q in ends)
         if len(leaving) + len(coming) > 2:
             line = np.array([*leaving, *coming[::-1]])
             best = _faster(best, self._led(obstacles, through(line, self.limits)))
@@ -331,28 +314,14 @@ class Search:
                 return np.array([*leaving[:-1], *corners, *coming[-2::-1]])
         return None
 
-    def _retreat(self, q: FloatArray, is_free: IsFree) -> list[FloatArray]:
-        """Configurations on lines of the tip that leave a confined end, which is the first.
-
-        Each line is the longest free one.
-        """
-        away, arms = [q], self.context.arms
+    def _retreat(
+        self, q: FloatArray, obstacles: Obstacles, is_free: IsFree
+    ) -> Sequence[FloatArray]:
+        """Corners of a way out of a confined end, which is the first one."""
+        arms = self.context.arms
         if len(arms) != 1 or self.context.clearance(q).distance_m >= CONFINED_M:
-            return away
-        arm, fractions = arms[0], np.linspace(0.0, 1.0, RETREAT_STEPS + 1)[1:]
-        for _ in range(RETREATS):
-            T, longest = arm.T_base_tip(away[-1]), list[FloatArray]()
-            for way in (*(RETREAT_AXES @ T.rotation.T), *UP_AND_BACK):
-                line = StraightLine(T, pin.SE3(T.rotation, T.translation + RETREAT_M * way))
-                there = follow(
-                    arm, self.limits, away[-1], line, fractions.tolist(), min_stride=RETREAT_STRIDE
-                )
-                free = list(takewhile(is_free, there.qs))
-                longest = max(longest, free, key=len)
-            if len(longest) < MIN_RETREAT_STEPS:
-                break
-            away.append(longest[-1])
-        return away
+            return [q]
+        return Surroundings(arms[0], self.limits, obstacles, is_free).retreat(q)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
