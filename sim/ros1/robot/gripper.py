@@ -15,10 +15,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 from baxter_kin.display import quoted
 from baxter_kin.fields import FrozenMapping, evolve
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
+from planner.scene.coal_shapes import convex_pieces
 from sim.ros1.robot.arm_motion import BadOrderError
 from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch
@@ -70,6 +72,8 @@ class Fingers:
         self._world, self._side, self._gripper = world, side, gripper
         self._timeline, self._watch = timeline, watch
         self._hand = world.hand(side)
+        for part in chain(*self._hand.fingers):
+            convex_pieces(part.shape)  # takes long at first, but not in a tick
         self.has_missed = False
         self._goal_m: float | None = None
         self._closing: Closing | None = None
