@@ -1,6 +1,6 @@
 """Measure both arms of a simulated Baxter through ROS; prints figures, each with its verdict.
 
-    python scripts/measure_ros1_both.py [--count 20] [--stops 3] [--speed 0.3]
+    python scripts/measure_ros1_both.py [--count 20] [--stops 3] [--speed 0.3] [--lag-s 0.04]
 
 A simulated Baxter runs in a process of its own, and so does a listener, which notes when each
 set-point arrives. The executor is in this process. The demo's two blocks change sides, and go back
@@ -11,11 +11,13 @@ the guard of both arms has room.
 - Exchanges: both blocks must end at their places, and nothing be hit. The set-points of one instant
   of the clock leave one after the other; their times of arrival are compared. What the robot then
   shows of both arms is compared as well: how late each joint state is on its arm's path.
-- Stops, while both arms move, each of another robot: the emergency stop; another node that commands the right
-  arm, from when it begins to register; a cancellation, after which both slow down along their
-  paths; and something in the way of the left arm, which the guard notices after some way. Printed
-  are the time from the cause to the last set-point that differs from the one before, for the later
-  arm, and how much later that is than for the other arm.
+- Stops, while both arms move, each of another robot: the emergency stop; another node that commands
+  the right arm, from when it begins to register; a cancellation, after which both slow down along
+  their paths; and something in the way of the left arm, which the guard notices after some way.
+  Printed are the time from the cause to the last set-point that differs from the one before, for
+  the later arm, and how much later that is than for the other arm.
+- With `--lag-s`, the robot's arms lag by that time, plans are proven for arms that lag by half as
+  much to one and a half times as much, and the guard has the bounds of that proof.
 
 Times are real ones, so a computer that does other things meanwhile gives worse figures. Exit status
 1 when one is not as required.
@@ -44,7 +46,15 @@ from measure_ros1 import CORE, LOOPBACK, WITHIN_S, Client, Row, linked, robot_pr
 from baxter_kin import Baxter
 from baxter_kin.frames import T_world_base
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Manipulator, Move, PickAndPlace, TwoArmPlan, make_block, plan_together
+from planner import (
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Response,
+    TwoArmPlan,
+    make_block,
+    plan_together,
+)
 from sim import (
     Event,
     EventKind,
@@ -67,6 +77,8 @@ from sim.simulation import Dwell
 
 SKEW_S, STOP_S = 0.005, 0.03
 """Maximum difference of the clocks of both arms, and time in which a stop of one stops both."""
+
+SETTLED_ERROR_RAD = 0.003
 
 MARGIN_M = 0.02
 HOVER_M = 0.15
@@ -470,12 +482,17 @@ def measured_rows(options: argparse.Namespace) -> Iterator[Row]:
     """All rows, each as soon as it is known."""
     robot = Baxter.load()
     stage = Stage(robot)
-    how = ExecutionOptions(Pace(options.speed), Dwell(0.2, 0.2))
+    pace, lag_s = Pace(options.speed), options.lag_s
+    response, follows = None, list[str]()
+    if lag_s:
+        response = Response((0.5 * lag_s, 1.5 * lag_s), SETTLED_ERROR_RAD, speed=options.speed)
+        follows = ["--follow", "lag", "--lag-s", str(lag_s)]
+    how = ExecutionOptions(pace, Dwell(0.2, 0.2), response=response)
 
     @contextmanager
     def rig(*robot_options: str) -> Iterator[Rig]:
         with (
-            robot_process(*robot_options) as (uri, _),
+            robot_process(*follows, *robot_options) as (uri, _),
             listening(uri) as take,
             Node("/other", master_uri=uri, host=LOOPBACK) as other,
             linked(uri) as link,
@@ -501,6 +518,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--stops", type=int, default=3)
     parser.add_argument("--speed", type=float, default=0.3)
+    parser.add_argument("--lag-s", type=float, default=0.0)
     options = parser.parse_args(argv)
     os.environ["ROS_IP"] = LOOPBACK
     print("| figure | required | measured | verdict |\n| --- | --- | --- | --- |", flush=True)

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import OneLine, millimetres, phrase

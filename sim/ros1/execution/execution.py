@@ -313,7 +313,7 @@ class Track:
         if self.guard is None or self.clearance is None or reading is None:
             return None
         self.guard.advance(now_s, at.q_path, self.clearance)
-        return self.guard.check(reading.q, at.q_path)
+        return self.guard.check(reading.q, self.guard.path_at(reading.time_s))
 
 
 class Execution(ABC):

@@ -17,7 +17,9 @@ holds seen from any inner link.
 
 The path is that of the last `WINDOW_S`: q(t) of the plan, not what is sent ahead of it. Moreover,
 no joint may be farther from its own set-point than the clearance of its move states, and once the
-set-point stands none may move away from it by more than `MAX_GROWTH_RAD`.
+set-point stands none may move away from it by more than `MAX_GROWTH_RAD`. A measurement is compared
+with the set-point of the time when it arrived; its age has a limit of its own
+(`sim.ros1.execution.stops`).
 
 **Both arms.** Where both move on one clock, they were proven to keep a distance c from each other
 at every instant. Arms whose points are displaced by a and b from where both are at *one* instant of
@@ -215,12 +217,17 @@ class PathGuard:
             self._path.popleft()
             self._nearest -= 1
 
+    def path_at(self, time_s: float) -> FloatArray:
+        """Where the path was at a time in the last `WINDOW_S`, shape (7,), rad."""
+        before = (point.q for point in reversed(self._path) if point.time_s <= time_s)
+        return next(before, self._path[0].q)
+
     def check(self, q: FloatArray, q_path: FloatArray) -> Stop | None:
         """Why an arm must stop, or None.
 
         Args:
             q: where it is measured, shape (7,), rad.
-            q_path: where the path is now, shape (7,), rad.
+            q_path: where the path was when that was measured, shape (7,), rad.
         """
         off, bound = np.abs(q - q_path), self._path[-1].clearance.max_off_rad
         if off.max() > bound:

@@ -1,8 +1,8 @@
 """Electric gripper: how the fingers of one hand act, what it does with commands, what it reports.
 
 Fingers close and open step by step while the arm may move. What they meet, push and hold is
-predicted as in a simulation (`sim.world.gripper`), anew whenever the hand has moved since. A body
-that they release falls meanwhile.
+predicted as in a simulation (`sim.world.gripper`), anew when the hand has moved since. A body that
+they release falls meanwhile.
 
 A command is acknowledged at once by its name, sender and sequence number in the state. Clients
 repeat it until it has worked, up to a hundred times a second: a repeated command restarts nothing,
@@ -28,8 +28,10 @@ from sim.world.falling import Rest
 from sim.world.gripper import Closing, Gripper
 from sim.world.world import World
 
-SAME_POSE = 1e-9
-"""How far the tip (m, and of its rotation matrix) may have moved for a prediction to hold."""
+SAME_POSE, NEAR_POSE = 1e-9, 1e-3
+"""How far the tip, relative to its distance from base and of its rotation matrix, may have moved
+for a prediction to hold: where the fingers end, and on their way there. A prediction takes longer
+than a tick, and an arm that lags still moves by less and less when its fingers close."""
 
 SQUEEZE_M = 2e-5
 """How much wider than a body fingers may be sent and still hold it, 0.1 % of their stroke. An
@@ -137,7 +139,9 @@ class Fingers:
             self._open(now_m, way_m, self._goal_m)
 
     def _close(self, now_m: float, way_m: float, goal_m: float) -> None:
-        closing = self._prediction()
+        closing = self._prediction(NEAR_POSE)
+        if now_m - way_m <= max(closing.finger_m, goal_m):
+            closing = self._prediction(SAME_POSE)
         end_m = max(min(closing.finger_m, now_m), goal_m)
         finger_m = max(now_m - way_m, end_m)
         self._gripper.close_to(closing, finger_m)
@@ -170,10 +174,10 @@ class Fingers:
         )
         self._timeline.pushed(self._side, Closing(finger_m, pushes=pushes))
 
-    def _prediction(self) -> Closing:
-        """How closing will end, from where the hand is now."""
+    def _prediction(self, tolerance: float) -> Closing:
+        """How closing will end, from where the hand is now, within a tolerance."""
         T_base_tip = self._world.T_base_tip(self._side)
-        if self._closing is None or not T_base_tip.isApprox(self._T_base_tip, SAME_POSE):
+        if self._closing is None or not T_base_tip.isApprox(self._T_base_tip, tolerance):
             self._closing, self._T_base_tip = self._predicted(), T_base_tip
         return self._closing
 

@@ -112,10 +112,10 @@ class EventLoop(NotCopied, OneLine):
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Make all calls of the block right after each other, and wait a moment until they are made.
+        """Make all calls of the block right after each other, and wait until they are made.
 
         The interpreter lets one thread run at a time, so a caller that went on computing would get
-        between two messages as the first one is sent.
+        between two messages as the first one is sent. It waits for `TOGETHER_S` at most.
         """
         made = threading.Event()
         with self._lock:

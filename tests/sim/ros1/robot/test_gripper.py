@@ -19,6 +19,7 @@ from sim.ros1.robot.gripper import PARAMETERS, ElectricGripper, Fingers, Gripper
 from sim.timeline import Timeline
 from sim.world import Gripper
 from sim.world.contacts import ContactWatch
+from sim.world.gripper import Closing
 from tests.conftest import overhead, state_at
 from tests.sim.runs import Witness
 
@@ -136,6 +137,26 @@ class TestClosing:
         assert held is not None
         expected = bench.world.T_base_tip("left") * held.T_link_body
         assert bench.world.body("block").T_base_body.isApprox(expected, 1e-12)
+
+    def test_a_hand_that_settles_while_it_closes_needs_few_predictions(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As a lagging arm, which moves by less and less; each takes longer than a tick."""
+        q, predict, calls = bench.world.arm_q("left"), Gripper.closing, list[float]()
+
+        def counted(gripper: Gripper) -> Closing:
+            calls.append(bench.world.finger_m("left"))
+            return predict(gripper)
+
+        def settle(tick: int) -> None:
+            bench.world.move_arm("left", q + 2e-3 * 0.8**tick * np.ones(7))
+
+        settle(0)
+        monkeypatch.setattr(Gripper, "closing", counted)
+        bench.send("go", position=0.0)
+        bench.run(1.0, settle)
+        assert bench.gripper.fingers.is_gripping
+        assert len(calls) <= 12
 
     def test_a_hand_that_leaves_while_it_closes_misses(self, bench: Bench) -> None:
         bench.send("go", position=0.0)
