@@ -37,6 +37,10 @@ SQUEEZE_M = 2e-5
 """How much wider than a body fingers may be sent and still hold it, 0.1 % of their stroke. An
 opening that was recorded while they held it went through a float of 32 bits."""
 
+SHORT_FALL_S = 0.05
+"""A fall that takes at most so long, from 12 mm, happens at once: while a body falls, what is around
+the arms is built anew at each tick, which takes longer than one."""
+
 BUSY_S = 1.0
 """How long calibrating and rebooting take; the original clients wait up to 5 s."""
 
@@ -202,6 +206,7 @@ class Fingers:
         if name is not None:
             self._timeline.released(self._side, name)
             self._fall = _Fall(name, self._world.rest(name))
+            self._fall_on(0.0)
         now_m = self._world.finger_m(self._side)
         for contact in self._watch.of_fingers(self._side, goal_m, FINGER_SPEED_M_S):
             self._timeline.hit(self._side, contact)
@@ -224,7 +229,7 @@ class Fingers:
         fall.time_s += dt_s
         if self._world.is_held(fall.name):
             self._fall = None
-        elif fall.time_s >= fall.rest.duration_s:
+        elif fall.rest.duration_s <= max(fall.time_s, SHORT_FALL_S):
             self._world.put_to_rest(fall.name, fall.rest)
             self._timeline.settled(fall.name, fall.rest)
             self._fall = None

@@ -239,6 +239,16 @@ class TestOpening:
         assert bench.world.supports["block"] == ("table",)
         assert bench.kinds[-2:] == [EventKind.RELEASED, EventKind.SETTLED]
 
+    def test_a_block_let_go_just_above_the_table_is_there_at_once(self, bench: Bench) -> None:
+        bench.send("go", position=0.0)
+        bench.run(1.0)
+        where = bench.world.body("block").T_base_body
+        q = bench.world.arm_q("left")
+        bench.world.move_arm("left", q + 3e-3 * np.ones(7))
+        assert not bench.world.body("block").T_base_body.isApprox(where, 1e-3)
+        bench.send("go", position=100.0)
+        assert bench.kinds[-2:] == [EventKind.RELEASED, EventKind.SETTLED]
+
     def test_it_falls_no_farther_when_it_is_taken_away(self, bench: Bench) -> None:
         bench.send("go", position=0.0)
         bench.run(0.5)
