@@ -38,8 +38,8 @@ SQUEEZE_M = 2e-5
 opening that was recorded while they held it went through a float of 32 bits."""
 
 SHORT_FALL_S = 0.05
-"""A fall that takes at most so long, from 12 mm, happens at once: while a body falls, what is around
-the arms is built anew at each tick, which takes longer than one."""
+"""A fall that takes at most so long, from 12 mm, happens at once: while a body falls, what is
+around the arms is built anew at each tick, which takes longer than one."""
 
 BUSY_S = 1.0
 """How long calibrating and rebooting take; the original clients wait up to 5 s."""

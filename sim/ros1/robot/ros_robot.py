@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from ipaddress import ip_address
 
 from baxter_kin.display import OneLine
@@ -179,7 +180,7 @@ class RosRobot(NotCopied, OneLine):
             passed = max(1, int((time.monotonic() - begin_s) / TICK_S) - done)
             done += passed
             due_s = begin_s + done * TICK_S
-            self.baxter.tick(passed, lambda left, due_s=due_s: self._obey(due_s, left))
+            self.baxter.tick(passed, partial(self._obey, due_s))
             self._publishers.publish()
 
     def _obey(self, due_s: float, left: int) -> None:

@@ -143,7 +143,8 @@ def test_a_late_tick_executes_each_order_when_a_punctual_one_does(robot: Baxter)
         for number, turn in enumerate(turns.tolist()):
             bench.send(topic, number + 0.5, mode=1, names=["left_s0"], command=[turn])
     for number in range(1, ticks + 1):
-        punctual.baxter.tick(1, lambda _, now=number: punctual.subscribers.process(now))
+        punctual.subscribers.process(number)
+        punctual.baxter.tick()
     late.baxter.tick(ticks, lambda left: late.subscribers.process(ticks - left))
     assert late.baxter.arms["left"].q.tolist() == punctual.baxter.arms["left"].q.tolist()
     assert late.baxter.time_s == punctual.baxter.time_s
