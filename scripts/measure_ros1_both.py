@@ -71,7 +71,7 @@ from sim.ros1 import BaxterLink, ExecutionOptions, Node, Pace, RosExecutor, Stop
 from sim.ros1.definitions import service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
-from sim.ros1.execution.readiness import ReadyTwoArmPlan
+from sim.ros1.execution.readiness import START_MOVE_LABEL, ReadyTwoArmPlan
 from sim.ros1.robot.gazebo import BLOCK, DELETE, SPAWN
 from sim.simulation import Dwell
 
@@ -453,6 +453,9 @@ def obstructed(new_rig: NewRig, stage: Stage, robot: Baxter, runs: int) -> Itera
             wrong.append(str(outcome.failure))
             continue
         print(f"obstacle: {outcome.failure}", file=sys.stderr, flush=True)
+        if START_MOVE_LABEL in outcome.stop.label:  # met before both arms moved
+            wrong.append(str(outcome.failure))
+            continue
         last = [_stands_s(heard, side) for side in LIMBS]
         apart_s.append(abs(last[0] - last[1]))
     yield from _stop_rows("the left arm is held up", [], apart_s, wrong, is_at_once=False)
