@@ -1,6 +1,6 @@
 """Measure both arms of a simulated Baxter through ROS; prints figures, each with its verdict.
 
-    python scripts/measure_ros1_both.py [--count 20] [--stops 3] [--speed 0.3]
+    python scripts/measure_ros1_both.py [--count 20] [--stops 3] [--speed 0.3] [--lag-s 0.04]
 
 A simulated Baxter runs in a process of its own, and so does a listener, which notes when each
 set-point arrives. The executor is in this process. The demo's two blocks change sides, and go back
@@ -11,11 +11,13 @@ the guard of both arms has room.
 - Exchanges: both blocks must end at their places, and nothing be hit. The set-points of one instant
   of the clock leave one after the other; their times of arrival are compared. What the robot then
   shows of both arms is compared as well: how late each joint state is on its arm's path.
-- Stops, in the middle of the first move: the emergency stop; another node that commands the right
-  arm, whose registration takes a while; a cancellation, after which both slow down along their
-  paths; and something in the way of the left arm, which the guard notices after some way. Printed
-  are the time from the cause to the last set-point that differs from the one before, for the later
-  arm, and how much later that is than for the other arm.
+- Stops, while both arms move, each of another robot: the emergency stop; another node that commands
+  the right arm, from when it begins to register; a cancellation, after which both slow down along
+  their paths; and something in the way of the left arm, which the guard notices after some way.
+  Printed are the time from the cause to the last set-point that differs from the one before, for
+  the later arm, and how much later that is than for the other arm.
+- With `--lag-s`, the robot's arms lag by that time, plans are proven for arms that lag by half as
+  much to one and a half times as much, and the guard has the bounds of that proof.
 
 Times are real ones, so a computer that does other things meanwhile gives worse figures. Exit status
 1 when one is not as required.
@@ -31,7 +33,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -44,7 +46,15 @@ from measure_ros1 import CORE, LOOPBACK, WITHIN_S, Client, Row, linked, robot_pr
 from baxter_kin import Baxter
 from baxter_kin.frames import T_world_base
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Manipulator, Move, PickAndPlace, TwoArmPlan, make_block, plan_together
+from planner import (
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Response,
+    TwoArmPlan,
+    make_block,
+    plan_together,
+)
 from sim import (
     Event,
     EventKind,
@@ -61,12 +71,14 @@ from sim.ros1 import BaxterLink, ExecutionOptions, Node, Pace, RosExecutor, Stop
 from sim.ros1.definitions import service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
-from sim.ros1.execution.readiness import ReadyTwoArmPlan
+from sim.ros1.execution.readiness import START_MOVE_LABEL, ReadyTwoArmPlan
 from sim.ros1.robot.gazebo import BLOCK, DELETE, SPAWN
 from sim.simulation import Dwell
 
 SKEW_S, STOP_S = 0.005, 0.03
 """Maximum difference of the clocks of both arms, and time in which a stop of one stops both."""
+
+SETTLED_ERROR_RAD = 0.003
 
 MARGIN_M = 0.02
 HOVER_M = 0.15
@@ -263,6 +275,10 @@ class Rig:
         return outcome, self.take()
 
 
+NewRig = Callable[[], AbstractContextManager[Rig]]
+"""Starts a robot with all that is around it."""
+
+
 def arrivals(heard: list[Heard]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Times of arrival and set-points of each arm."""
     own = {side: [each for each in heard if each.side == side] for side in LIMBS}
@@ -330,20 +346,18 @@ class StopOf(NamedTuple):
         name: in words.
         cause: as which it ends.
         make: causes it; returns when.
-        undo: after that.
         is_at_once: whether both arms must stand within `STOP_S` of the cause.
     """
 
     name: str
     cause: StopCause
     make: Callable[[RosExecutor], float]
-    undo: Callable[[], object] = int
     is_at_once: bool = True
 
 
 def kinds_of_stops(rig: Rig) -> Iterator[StopOf]:
     """The emergency stop, an intruder, and a cancellation."""
-    other, opened = rig.other, list[Any]()
+    other = rig.other
 
     def stopped(_: RosExecutor) -> float:
         said = list[float]()
@@ -358,52 +372,40 @@ def kinds_of_stops(rig: Rig) -> Iterator[StopOf]:
         subscriber.close()
         return said[0] if said else np.inf
 
-    def reset() -> None:
-        report = lambda: rig.link.robot and rig.link.robot.is_stopped  # noqa: E731
-        other.until(
-            lambda: not report(),
-            3.0,
-            lambda: other.send("/robot/set_super_reset", "std_msgs/Empty"),
-        )
-
     def intruded(_: RosExecutor) -> float:
         begin_s = time.monotonic()
-        opened.append(other.node.advertise(command_topic("right"), KIND))
+        other.node.advertise(command_topic("right"), KIND)
         return begin_s
 
     def cancelled(executor: RosExecutor) -> float:
         executor.stop(StopCause.SIGTERM)
         return time.monotonic()
 
-    yield StopOf("emergency stop", StopCause.STOPPED, stopped, reset)
-    yield StopOf(
-        "another node commands the right arm",
-        StopCause.OTHER_COMMANDER,
-        intruded,
-        lambda: opened.pop().close(),
-        is_at_once=False,  # it registers with the master first
-    )
+    yield StopOf("emergency stop", StopCause.STOPPED, stopped)
+    yield StopOf("another node commands the right arm", StopCause.OTHER_COMMANDER, intruded)
     yield StopOf("cancelled", StopCause.SIGTERM, cancelled, is_at_once=False)
 
 
-def stops(rig: Rig, stage: Stage, runs: int) -> Iterator[Row]:
-    """Stop both arms in the middle of their first move."""
-    plan = stage.plans[0]
-    for kind in kinds_of_stops(rig):
+def stops(new_rig: NewRig, stage: Stage, runs: int) -> Iterator[Row]:
+    """Stop both arms in the middle of a move of each, every time of another robot."""
+    with new_rig() as rig:
+        names = [kind.name for kind in kinds_of_stops(rig)]
+    for number, name in enumerate(names):
         rest_s, apart_s, wrong = [], [], []
         for _ in range(runs):
             samples, caused = Samples(), list[float]()
-            executor = RosExecutor(rig.link, [samples], options=rig.options)
-            samples.then = partial(_cause, kind, executor, caused)
-            outcome, heard = rig.run(rig.prepared(plan), executor)
-            kind.undo()
+            with new_rig() as rig:
+                kind = list(kinds_of_stops(rig))[number]
+                executor = RosExecutor(rig.link, [samples], options=rig.options)
+                samples.then = partial(_cause, kind, executor, caused)
+                outcome, heard = rig.run(rig.prepared(stage.plans[0]), executor)
             if outcome.stop is None or outcome.stop.cause is not kind.cause or not caused:
                 wrong.append(str(outcome.failure))
                 continue
             last = [_stands_s(heard, side) for side in LIMBS]
             rest_s.append(max(last) - caused[0])
             apart_s.append(abs(last[0] - last[1]))
-        yield from _stop_rows(kind.name, rest_s, apart_s, wrong, is_at_once=kind.is_at_once)
+        yield from _stop_rows(name, rest_s, apart_s, wrong, is_at_once=kind.is_at_once)
 
 
 def _cause(kind: StopOf, executor: RosExecutor, caused: list[float]) -> None:
@@ -435,22 +437,25 @@ def _stop_rows(
     yield Row(f"{name}: one arm after the other", limit, f"{shown} ms", max(apart_s) <= STOP_S)
 
 
-def obstructed(rig: Rig, stage: Stage, robot: Baxter, runs: int) -> Iterator[Row]:
+def obstructed(new_rig: NewRig, stage: Stage, robot: Baxter, runs: int) -> Iterator[Row]:
     """Something that the plan does not know is in the left arm's way; the robot stops it there."""
     plan, apart_s, wrong = stage.plans[0], list[float](), list[str]()
     firsts = [next(t for t in plan.steps_of(side) if isinstance(t.step, Move)) for side in LIMBS]
     both_s = max(t.begin_s for t in firsts), min(t.end_s for t in firsts)
     q = plan.trajectory.sample(both_s[0] + IN_THE_WAY * (both_s[1] - both_s[0])).q[:7]
     for _ in range(runs):
-        ready = rig.prepared(plan)
-        there_m = robot.arm("left").T_base_tip(q).translation
-        rig.spawn("obstacle", there_m, OBSTACLE_M, is_static=True)
-        outcome, heard = rig.run(ready, RosExecutor(rig.link, options=rig.options))
-        rig.call(DELETE, "/gazebo/delete_model", model_name="obstacle")
+        with new_rig() as rig:
+            ready = rig.prepared(plan)
+            there_m = robot.arm("left").T_base_tip(q).translation
+            rig.spawn("obstacle", there_m, OBSTACLE_M, is_static=True)
+            outcome, heard = rig.run(ready, RosExecutor(rig.link, options=rig.options))
         if outcome.stop is None or not outcome.stop.cause.holds:
             wrong.append(str(outcome.failure))
             continue
         print(f"obstacle: {outcome.failure}", file=sys.stderr, flush=True)
+        if START_MOVE_LABEL in outcome.stop.label:  # met before both arms moved
+            wrong.append(str(outcome.failure))
+            continue
         last = [_stands_s(heard, side) for side in LIMBS]
         apart_s.append(abs(last[0] - last[1]))
     yield from _stop_rows("the left arm is held up", [], apart_s, wrong, is_at_once=False)
@@ -480,12 +485,17 @@ def measured_rows(options: argparse.Namespace) -> Iterator[Row]:
     """All rows, each as soon as it is known."""
     robot = Baxter.load()
     stage = Stage(robot)
-    how = ExecutionOptions(Pace(options.speed), Dwell(0.2, 0.2))
+    pace, lag_s = Pace(options.speed), options.lag_s
+    response, follows = None, list[str]()
+    if lag_s:
+        response = Response((0.5 * lag_s, 1.5 * lag_s), SETTLED_ERROR_RAD, speed=options.speed)
+        follows = ["--follow", "lag", "--lag-s", str(lag_s)]
+    how = ExecutionOptions(pace, Dwell(0.2, 0.2), response=response)
 
     @contextmanager
     def rig(*robot_options: str) -> Iterator[Rig]:
         with (
-            robot_process(*robot_options) as (uri, _),
+            robot_process(*follows, *robot_options) as (uri, _),
             listening(uri) as take,
             Node("/other", master_uri=uri, host=LOOPBACK) as other,
             linked(uri) as link,
@@ -500,9 +510,8 @@ def measured_rows(options: argparse.Namespace) -> Iterator[Row]:
         if options.count:
             yield from placed(read_recording(log).recording, stage, options.count)
     if options.stops:
-        with rig() as without_log:
-            yield from stops(without_log, stage, options.stops)
-            yield from obstructed(without_log, stage, robot, options.stops)
+        yield from stops(rig, stage, options.stops)
+        yield from obstructed(rig, stage, robot, options.stops)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -512,6 +521,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--stops", type=int, default=3)
     parser.add_argument("--speed", type=float, default=0.3)
+    parser.add_argument("--lag-s", type=float, default=0.0)
     options = parser.parse_args(argv)
     os.environ["ROS_IP"] = LOOPBACK
     print("| figure | required | measured | verdict |\n| --- | --- | --- | --- |", flush=True)

@@ -34,7 +34,7 @@ from planner.grasping.grasp import (
     width_between_m,
 )
 from planner.scene.bodies import Body, Part
-from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
+from planner.scene.contact import PRESSING_TOLERANCE_M, bounds_m, gap_m, travel_to_contact
 
 ROUNDING_M = 1e-9
 """Maximum distance of a finger position from 0 .. stroke due to rounding."""
@@ -333,12 +333,9 @@ def _travel(
 
 def nearer(finger: Part, part: Part, than_m: float) -> bool:
     """Whether the distance of two shapes is less than `than_m`; depths are negative distances."""
-    boxes_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
+    (low, high), (other_low, other_high) = bounds_m(finger), bounds_m(part)
+    boxes_m = float((np.maximum(low, other_low) - np.minimum(high, other_high)).max())
     return boxes_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
-
-
-def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:
-    return max(one[0], other[0]) - min(one[1], other[1])
 
 
 def _along_y(y: float) -> pin.SE3:

@@ -63,7 +63,7 @@ def travel_to_contact(
         max_travel_m: maximum distance.
     """
     way = max_travel_m * direction
-    swept, there = _swept(_bounds(moving), way), _bounds(still)
+    swept, there = _swept(bounds_m(moving), way), bounds_m(still)
     if _are_apart(swept, there):
         return None
     firsts, seconds = _pieces(moving, _swept(there, -way)), _pieces(still, swept)
@@ -260,8 +260,8 @@ def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatA
 
 def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:
     """Pairs of convex shapes of two bodies whose bounding boxes are not apart."""
-    parts = [(part, _bounds(part)) for part in body.placed_parts]
-    others = [(part, _bounds(part)) for part in other.placed_parts]
+    parts = [(part, bounds_m(part)) for part in body.placed_parts]
+    others = [(part, bounds_m(part)) for part in other.placed_parts]
     for (one, here), (two, there) in product(parts, others):
         if not _are_apart(here, there):
             yield from product(_pieces(one, there), _pieces(two, here))
@@ -283,7 +283,7 @@ def _pieces(part: Part, near: FloatArray | None = None) -> list[_Placed]:
     return [(convex(triangle, BOTH_SIDES), pose) for triangle in corners]
 
 
-def _bounds(part: Part) -> FloatArray:
+def bounds_m(part: Part) -> FloatArray:
     """The box around a placed part: minimum and maximum corner, shape (2, 3), m."""
     shape, T = part.shape, part.T_body_part
     if isinstance(shape, Mesh):

@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import AbstractContextManager
 from typing import Any, TypeVar
 
 from baxter_kin.display import OneLine, listing
@@ -104,6 +105,11 @@ class Subscriber(NotCopied, OneLine):
     def writers(self) -> tuple[str, ...]:
         """The names of the publishers that are connected."""
         return self._subscription.writers
+
+    @property
+    def publisher_uris(self) -> frozenset[str]:
+        """The XML-RPC servers of all publishers that the master knows, connected or not."""
+        return self._subscription.publisher_uris
 
     def close(self) -> None:
         """Unregister the subscription and disconnect; closing twice is harmless."""
@@ -246,6 +252,13 @@ class Node(NotCopied, OneLine):
             queue=queue,
         )
         return Publisher(publication, self._register(publication))
+
+    def together(self) -> AbstractContextManager[None]:
+        """Send all messages that the block publishes right after each other.
+
+        At its end the caller waits until they are sent, for a few milliseconds at most.
+        """
+        return self._server.loop.together()
 
     def subscribe(self, topic: str, type_name: str, callback: Callback) -> Subscriber:
         """Subscribe to a topic, from all its publishers.

@@ -21,17 +21,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import OneLine, millimetres, phrase
 from baxter_kin.fields import array, evolve, frozen
 from baxter_kin.validation import FloatArray, expect, finite_scalar
-from planner import Box, Part
+from planner import Part
 from planner.grasping import Grasp
-from planner.grasping.grasp import Miss, MissKind, extent
+from planner.grasping.grasp import Miss, MissKind
 from planner.grasping.hand import CLOSING_AXIS
-from planner.scene.contact import PRESSING_TOLERANCE_M, travel_to_contact
+from planner.scene.contact import PRESSING_TOLERANCE_M, bounds_m, travel_to_contact
 from planner.scene.faces import UP
 from sim.errors import SimulationError
 from sim.world.world import World
@@ -502,11 +501,8 @@ def _may_meet(first: Slider, second: Slider) -> bool:
 
 def _extents(part: Part) -> list[tuple[float, float]]:
     """The interval of a shape along x, y and z of the tip, m."""
-    if not isinstance(part.shape, Box):
-        return [extent(part, axis) for axis in range(3)]
-    T, half = part.T_body_part, np.array(part.shape.size_m) / 2
-    middle, reach = T.translation, np.abs(T.rotation) @ half
-    return list(zip((middle - reach).tolist(), (middle + reach).tolist(), strict=True))
+    least, most = bounds_m(part).tolist()
+    return list(zip(least, most, strict=True))
 
 
 def _gap_along_y(

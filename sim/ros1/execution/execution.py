@@ -12,6 +12,7 @@ A plan of one arm goes step by step (`PlanExecution`), and one of both by a cloc
 from __future__ import annotations
 
 import gc
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,6 +27,7 @@ from baxter_kin.fields import NotCopied, evolve, frozen
 from baxter_kin.validation import FloatArray, expect, expect_all
 from planner import Grip, GripperAction, Move, Plan, TwoArmPlan
 from planner.completion import state_of
+from planner.motion.response import TICK_S
 from planner.motion.tracking_tube import SETTLED_RAD
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer, Sample
@@ -53,6 +55,7 @@ from sim.ros1.execution.set_points import (
 )
 from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
+from sim.ros1.transport.event_loop import quick_switches
 from sim.simulation import Outcome
 
 ENABLE = "/robot/set_super_enable"
@@ -69,6 +72,9 @@ SETTLE_TIMEOUT_S = 8.0
 
 HOLD_S = 1.0
 """How long an arm is commanded to stay where it is after a stop."""
+
+PHASE = 0.4
+"""Share of a tick by which set-points follow joint states; these leave at the end of a tick."""
 
 WINDOW = 150
 """Set-points of 1.5 s, the path that the tip is compared with afterwards."""
@@ -307,7 +313,7 @@ class Track:
         if self.guard is None or self.clearance is None or reading is None:
             return None
         self.guard.advance(now_s, at.q_path, self.clearance)
-        return self.guard.check(reading.q, at.q_path)
+        return self.guard.check(reading.q, self.guard.path_at(reading.time_s))
 
 
 class Execution(ABC):
@@ -336,6 +342,7 @@ class Execution(ABC):
     def __enter__(self) -> Execution:
         with ExitStack() as cleanup:
             cleanup.enter_context(_short_collections())
+            cleanup.enter_context(quick_switches())
             for ready in self._arms:
                 track = Track(self._link, ready)
                 cleanup.enter_context(track.channel)
@@ -357,7 +364,7 @@ class Execution(ABC):
         if not self._link.wait_until(lambda: all(each.readers for each in channels), CONNECT_S):
             raise SimulationError("the robot does not connect to the set-points; is it reachable?")
         self._offset_s, self._begin_s = offset_s, time.monotonic()
-        self._schedule = Schedule(self._begin_s)
+        self._schedule = Schedule(self._begin_s + self._phase_s(self._begin_s))
         self.watch.begin()
         for track in self._tracks:
             track.channel.begin(track.ready.ratio)
@@ -369,7 +376,7 @@ class Execution(ABC):
         finally:
             for channel in channels:
                 channel.end()
-        return self._outcome(stop)
+        return self._outcome(stop and self.watch.named(stop))
 
     @abstractmethod
     def _compose(self) -> None:
@@ -386,6 +393,14 @@ class Execution(ABC):
     @property
     def _time_s(self) -> float:
         return time.monotonic() - self._begin_s
+
+    def _phase_s(self, now_s: float) -> float:
+        """Time until a robot that takes set-points as often as it reports is between two of these.
+
+        It then takes those of one instant at the same time, and not one of them a tick later.
+        """
+        age_s = now_s - self._link.joints.latest_s
+        return (PHASE * TICK_S - age_s) % TICK_S if math.isfinite(age_s) else 0.0
 
     @property
     def _label(self) -> str:
@@ -474,9 +489,10 @@ class Execution(ABC):
         self, now_s: float, points: Sequence[SetPoint | None]
     ) -> tuple[ArmReading | None, ...]:
         """Send the set-points of all arms; returns what was measured last."""
-        for track, at in zip(self._tracks, points, strict=True):
-            if at is not None:
-                track.channel.send(at.q_sent)
+        with self._link.node.together():
+            for track, at in zip(self._tracks, points, strict=True):
+                if at is not None:
+                    track.channel.send(at.q_sent)
         readings, robot = tuple(track.reading for track in self._tracks), self._link.robot
         samples = [
             Sample(

@@ -17,7 +17,9 @@ holds seen from any inner link.
 
 The path is that of the last `WINDOW_S`: q(t) of the plan, not what is sent ahead of it. Moreover,
 no joint may be farther from its own set-point than the clearance of its move states, and once the
-set-point stands none may move away from it by more than `MAX_GROWTH_RAD`.
+set-point stands none may move away from it by more than `MAX_GROWTH_RAD`. A measurement is compared
+with the set-point of the time when it arrived; its age has a limit of its own
+(`sim.ros1.execution.stops`).
 
 **Both arms.** Where both move on one clock, they were proven to keep a distance c from each other
 at every instant. Arms whose points are displaced by a and b from where both are at *one* instant of
@@ -29,7 +31,7 @@ are displaced little from an instant in the past, however fast they are.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -195,6 +197,7 @@ class PathGuard:
         self._hangs = shared[shared > 0] == np.arange(1, len(names) + 1)[:, None]  # joint, own pair
         self._path: deque[_Point] = deque()
         self._nearest = 0
+        self._last: tuple[FloatArray, Placed, FloatArray] | None = None
         self._stood_since_s: float | None = None
         self._least_off: FloatArray | None = None
 
@@ -214,12 +217,17 @@ class PathGuard:
             self._path.popleft()
             self._nearest -= 1
 
+    def path_at(self, time_s: float) -> FloatArray:
+        """Where the path was at a time in the last `WINDOW_S`, shape (7,), rad."""
+        before = (point.q for point in reversed(self._path) if point.time_s <= time_s)
+        return next(before, self._path[0].q)
+
     def check(self, q: FloatArray, q_path: FloatArray) -> Stop | None:
         """Why an arm must stop, or None.
 
         Args:
             q: where it is measured, shape (7,), rad.
-            q_path: where the path is now, shape (7,), rad.
+            q_path: where the path was when that was measured, shape (7,), rad.
         """
         off, bound = np.abs(q - q_path), self._path[-1].clearance.max_off_rad
         if off.max() > bound:
@@ -244,28 +252,29 @@ class PathGuard:
         """
         points = [self._path[-1]] if is_last_alone else self._path
         times = np.array([point.time_s for point in points])
-        paths = np.array([point.corners for point in points])
-        return times, _displaced_m(paths, self._placed(q)[1])
+        return times, _displaced_m(points, self._placed(q)[1])
 
     def _joint_stop(self, cause: StopCause, off: FloatArray, bound: float) -> Stop:
         worst = int(off.argmax())
         return Stop(cause, subject=self._names[worst], value=float(off[worst]), bound=bound)
 
     def _path_stop(self, q: FloatArray) -> Stop | None:
-        """Compare with the path around where the arm was last, then with all of it."""
+        """Compare with the path near where the arm was last, then with all of it."""
         placed, corners = self._placed(q)
         last = len(self._path) - 1
         at = min(max(self._nearest, 0), last)
-        around = range(max(0, at - WINDOW_BEFORE), min(last, at + WINDOW_AFTER) + 1)
-        stop = self._compared(q, corners, placed, around)
-        return stop and self._compared(q, corners, placed, range(len(self._path)))
+        begin, end = max(0, at - WINDOW_BEFORE), min(last, at + WINDOW_AFTER) + 1
+        around = _displaced_m([self._path[index] for index in range(begin, end)], corners)
+        self._nearest = begin + int(around.argmin())
+        stop = self._compared(q, corners, placed, range(self._nearest, self._nearest + 1))
+        return stop and self._compared(q, corners, placed, range(last + 1))
 
     def _compared(
         self, q: FloatArray, corners: FloatArray, placed: Placed, indices: range
     ) -> Stop | None:
         """Whether the arm is off all of some configurations of the path; stores the nearest."""
         points = [self._path[index] for index in indices]
-        moved = _displaced_m(np.array([point.corners for point in points]), corners)
+        moved = _displaced_m(points, corners)
         turns = np.abs(np.array([point.q for point in points]) - q)
         index, own = np.indices((len(points), len(self._own))).reshape(2, -1)
         motions = self._bounds.motions_m(placed, turns, index, self._own[own])
@@ -286,8 +295,12 @@ class PathGuard:
         )
 
     def _placed(self, q: FloatArray) -> tuple[Placed, FloatArray]:
-        placed = self._bounds.place(self._full, q[None])
-        return placed, placed_points(placed.shapes[:, self._shapes], self._corners)[0]
+        """The shapes at a configuration, and the corners around them; the last one is kept."""
+        if self._last is None or not np.array_equal(self._last[0], q):
+            placed = self._bounds.place(self._full, q[None])
+            corners = placed_points(placed.shapes[:, self._shapes], self._corners)[0]
+            self._last = q, placed, corners
+        return self._last[1:]
 
 
 def arms_stop(guards: Sequence[PathGuard], qs: Sequence[FloatArray], apart_m: float) -> Stop | None:
@@ -314,8 +327,9 @@ def arms_stop(guards: Sequence[PathGuard], qs: Sequence[FloatArray], apart_m: fl
     return Stop(StopCause.ARMS_APART, value=least_m, bound=bound_m)
 
 
-def _displaced_m(paths: FloatArray, corners: FloatArray) -> FloatArray:
+def _displaced_m(points: Iterable[_Point], corners: FloatArray) -> FloatArray:
     """The greatest displacement of corners from those of each configuration, shape (n,), m."""
+    paths = np.array([point.corners for point in points])
     moved: FloatArray = np.sqrt(((paths - corners) ** 2).sum(axis=-1).max(axis=(1, 2)))
     return moved
 

@@ -324,6 +324,14 @@ class BaxterLink(NotCopied, OneLine):
         subscriber = self._subscribers.get(topic)
         return () if subscriber is None else tuple(subscriber.writers)
 
+    def publisher_uris(self, topic: str) -> frozenset[str]:
+        """Addresses of all other nodes that publish a topic that the link subscribes to.
+
+        They are known as soon as the master announces them, before the nodes are connected.
+        """
+        subscriber = self._subscribers.get(topic)
+        return frozenset() if subscriber is None else subscriber.publisher_uris - {self.node.uri}
+
     def listen(self, topic: str, kind: str, callback: Callable[[Received], None]) -> None:
         """Subscribe to a topic, unless the link does already, until the link is closed."""
         if topic not in self._subscribers:

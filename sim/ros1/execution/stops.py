@@ -1,7 +1,8 @@
 """Stops: why an execution ends early, as facts, and the watch that finds all of them but the path.
 
 The watch is asked at every tick, before anything is sent. It subscribes to the command topics of
-the arms that are driven, so that another node that commands one of them is found at once.
+the arms that are driven, so that another node that commands one of them is found as soon as the
+master announces it, before it is connected.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from baxter_kin.display import seconds
-from baxter_kin.fields import FrozenMapping, frozen
+from baxter_kin.fields import FrozenMapping, evolve, frozen
 from baxter_kin.kinematics.arm import LIMBS, arm_joints
 from baxter_kin.validation import FloatArray
 from sim.errors import SimulationError
@@ -207,6 +208,18 @@ class Watch:
             or self._joint_stop(now_s)
         )
 
+    def named(self, stop: Stop) -> Stop:
+        """A stop with the name of the other node, where only its address was known at first."""
+        is_known = stop.cause is StopCause.OTHER_COMMANDER and self._other_commander is not None
+        return evolve(stop, subject=self._other_commander) if is_known else stop
+
+    @property
+    def _other_commander(self) -> str | None:
+        """The name of another node that commands an arm, as soon as it is connected."""
+        own, topics = self._link.node.name, map(command_topic, self._limbs)
+        writers = (self._commander, *chain.from_iterable(map(self._link.writers, topics)))
+        return next((name for name in writers if name is not None and name != own), None)
+
     def _on_command(self, received: Received) -> None:
         if received.sender != self._link.node.name:
             self._commander = received.sender
@@ -233,11 +246,11 @@ class Watch:
         return None
 
     def _publisher_stop(self, now_s: float) -> Stop | None:
-        own, topics = self._link.node.name, map(command_topic, self._limbs)
-        writers = (self._commander, *chain.from_iterable(map(self._link.writers, topics)))
-        others = [name for name in writers if name is not None and name != own]
-        if others:
-            return Stop(StopCause.OTHER_COMMANDER, subject=others[0])
+        topics = list(map(command_topic, self._limbs))
+        uris = chain.from_iterable(map(self._link.publisher_uris, topics))
+        other = self._other_commander or next(iter(uris), None)
+        if other is not None:
+            return Stop(StopCause.OTHER_COMMANDER, subject=other)
         published = [(STATE, self._link.writers(STATE))]
         published += [
             (f"the state of {name}", self._link.joints.senders(name, now_s)) for name in self._names

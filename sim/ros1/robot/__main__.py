@@ -162,8 +162,10 @@ def _served(options: RobotOptions, end: threading.Event) -> str | None:
     """Serve until a signal ends it, which gives None, or until something else does: why."""
     from sim.ros1.master import Master  # noqa: PLC0415
     from sim.ros1.robot.gazebo import furniture  # noqa: PLC0415
+    from sim.ros1.transport.event_loop import quick_switches  # noqa: PLC0415
 
     with ExitStack() as cleanup:
+        cleanup.enter_context(quick_switches())
         uri = None
         if options.has_own_master:
             host = options.host or LOOPBACK

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from sim.world.world import World
 TICK_S = DEFAULT_TICK_S
 """Between two states; a real Baxter publishes its joints at 100 Hz."""
 
-MAX_TICKS = 5
-"""Number of ticks that a late one makes up for at most, as after a process was stopped."""
+MAX_TICKS = 25
+"""Number of ticks that a late one makes up for at most: after a quarter of a second, clients have
+stopped, as the joint states are too old."""
 
 TUCKED_S0_RAD, TUCKED_S1_RAD = (-1.0, 1.0), -2.07
 """Of the left and the right arm when they are tucked, as in the original `tuck_arms`."""
@@ -105,9 +106,16 @@ class SimulatedBaxter(OneLine):
         """Whether an arm's set-points lead into what does not give way."""
         return self._stops[side].is_stopped
 
-    def tick(self, ticks: int = 1) -> None:
-        """Let time pass, at most `MAX_TICKS` ticks, and show the world once."""
-        for _ in range(min(ticks, MAX_TICKS)):
+    def tick(self, ticks: int = 1, obey: Callable[[int], object] = lambda _: None) -> None:
+        """Let time pass, at most `MAX_TICKS` ticks, and show the world once.
+
+        Args:
+            ticks: number of ticks.
+            obey: called before each tick, with the number of ticks that follow it, to execute what
+                had arrived by then.
+        """
+        for left in reversed(range(min(ticks, MAX_TICKS))):
+            obey(left)
             self._ticks += 1
             self._timeline.time_s = self.time_s
             for side in LIMBS:

@@ -1,8 +1,8 @@
 """Electric gripper: how the fingers of one hand act, what it does with commands, what it reports.
 
 Fingers close and open step by step while the arm may move. What they meet, push and hold is
-predicted as in a simulation (`sim.world.gripper`), anew whenever the hand has moved since. A body
-that they release falls meanwhile.
+predicted as in a simulation (`sim.world.gripper`), anew when the hand has moved since. A body that
+they release falls meanwhile.
 
 A command is acknowledged at once by its name, sender and sequence number in the state. Clients
 repeat it until it has worked, up to a hundred times a second: a repeated command restarts nothing,
@@ -15,10 +15,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 from baxter_kin.display import quoted
 from baxter_kin.fields import FrozenMapping, evolve
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
+from planner.scene.coal_shapes import convex_pieces
 from sim.ros1.robot.arm_motion import BadOrderError
 from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch
@@ -26,12 +28,18 @@ from sim.world.falling import Rest
 from sim.world.gripper import Closing, Gripper
 from sim.world.world import World
 
-SAME_POSE = 1e-9
-"""How far the tip (m, and of its rotation matrix) may have moved for a prediction to hold."""
+SAME_POSE, NEAR_POSE = 1e-9, 1e-3
+"""How far the tip, relative to its distance from base and of its rotation matrix, may have moved
+for a prediction to hold: where the fingers end, and on their way there. A prediction takes longer
+than a tick, and an arm that lags still moves by less and less when its fingers close."""
 
 SQUEEZE_M = 2e-5
 """How much wider than a body fingers may be sent and still hold it, 0.1 % of their stroke. An
 opening that was recorded while they held it went through a float of 32 bits."""
+
+SHORT_FALL_S = 0.05
+"""A fall that takes at most so long, from 12 mm, happens at once: while a body falls, what is
+around the arms is built anew at each tick, which takes longer than one."""
 
 BUSY_S = 1.0
 """How long calibrating and rebooting take; the original clients wait up to 5 s."""
@@ -70,6 +78,8 @@ class Fingers:
         self._world, self._side, self._gripper = world, side, gripper
         self._timeline, self._watch = timeline, watch
         self._hand = world.hand(side)
+        for part in chain(*self._hand.fingers):
+            convex_pieces(part.shape)  # takes long at first, but not in a tick
         self.has_missed = False
         self._goal_m: float | None = None
         self._closing: Closing | None = None
@@ -133,7 +143,9 @@ class Fingers:
             self._open(now_m, way_m, self._goal_m)
 
     def _close(self, now_m: float, way_m: float, goal_m: float) -> None:
-        closing = self._prediction()
+        closing = self._prediction(NEAR_POSE)
+        if now_m - way_m <= max(closing.finger_m, goal_m):
+            closing = self._prediction(SAME_POSE)
         end_m = max(min(closing.finger_m, now_m), goal_m)
         finger_m = max(now_m - way_m, end_m)
         self._gripper.close_to(closing, finger_m)
@@ -166,10 +178,10 @@ class Fingers:
         )
         self._timeline.pushed(self._side, Closing(finger_m, pushes=pushes))
 
-    def _prediction(self) -> Closing:
-        """How closing will end, from where the hand is now."""
+    def _prediction(self, tolerance: float) -> Closing:
+        """How closing will end, from where the hand is now, within a tolerance."""
         T_base_tip = self._world.T_base_tip(self._side)
-        if self._closing is None or not T_base_tip.isApprox(self._T_base_tip, SAME_POSE):
+        if self._closing is None or not T_base_tip.isApprox(self._T_base_tip, tolerance):
             self._closing, self._T_base_tip = self._predicted(), T_base_tip
         return self._closing
 
@@ -194,6 +206,7 @@ class Fingers:
         if name is not None:
             self._timeline.released(self._side, name)
             self._fall = _Fall(name, self._world.rest(name))
+            self._fall_on(0.0)
         now_m = self._world.finger_m(self._side)
         for contact in self._watch.of_fingers(self._side, goal_m, FINGER_SPEED_M_S):
             self._timeline.hit(self._side, contact)
@@ -216,7 +229,7 @@ class Fingers:
         fall.time_s += dt_s
         if self._world.is_held(fall.name):
             self._fall = None
-        elif fall.time_s >= fall.rest.duration_s:
+        elif fall.rest.duration_s <= max(fall.time_s, SHORT_FALL_S):
             self._world.put_to_rest(fall.name, fall.rest)
             self._timeline.settled(fall.name, fall.rest)
             self._fall = None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from ipaddress import ip_address
 
 from baxter_kin.display import OneLine
@@ -42,7 +44,8 @@ class RosRobot(NotCopied, OneLine):
     """A simulated Baxter, from its registration until it is closed. A context manager.
 
     It ticks every `TICK_S` by the monotonic clock. A tick that comes late does what the missed ones
-    would have done, and publishes once.
+    would have done, each with what had arrived by then, and publishes once. So arms are where they
+    would be without the delay, and follow their set-points as closely.
 
     Attributes:
         baxter: the robot without its wire; only the thread that ticks may change it.
@@ -176,9 +179,13 @@ class RosRobot(NotCopied, OneLine):
         while not self._closing.wait(max(0.0, begin_s + (done + 1) * TICK_S - time.monotonic())):
             passed = max(1, int((time.monotonic() - begin_s) / TICK_S) - done)
             done += passed
-            self._subscribers.process()
-            self.baxter.tick(passed)
+            due_s = begin_s + done * TICK_S
+            self.baxter.tick(passed, partial(self._obey, due_s))
             self._publishers.publish()
+
+    def _obey(self, due_s: float, left: int) -> None:
+        """Execute what had arrived before the tick that is so many before the one due then."""
+        self._subscribers.process(due_s - left * TICK_S if left else math.inf)
 
     def _end_ticks(self) -> None:
         self._closing.set()

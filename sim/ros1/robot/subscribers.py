@@ -7,6 +7,7 @@ sender.
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -79,7 +80,7 @@ class Subscribers:
     def __init__(self, baxter: SimulatedBaxter, node: Node, diagnostics: Diagnostics) -> None:
         """Subscribe by a node."""
         self._baxter, self._node, self._diagnostics = baxter, node, diagnostics
-        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
+        self._waiting: deque[tuple[float, Callable[[], None]]] = deque(maxlen=MAX_WAITING)
         self._subscribe_to_robot()
         for side in LIMBS:
             self._subscribe_to_limb(side)
@@ -99,17 +100,22 @@ class Subscribers:
             else:
                 done.set_result(None)
 
-        self._waiting.append(do)
+        self._waiting.append((time.monotonic(), do))
         return done
 
-    def process(self) -> None:
-        """Process all that has arrived since the last time."""
+    def process(self, until_s: float = math.inf) -> None:
+        """Process what has arrived since the last time, up to a time on the monotonic clock."""
         for _ in range(len(self._waiting)):
-            self._waiting.popleft()()
+            if self._waiting[0][0] > until_s:
+                return
+            _, act = self._waiting.popleft()
+            act()
 
     def _on(self, topic: str, type_name: str, act: Act) -> None:
         def wait(received: Received) -> None:
-            self._waiting.append(partial(self._process_one, topic, act, received))
+            self._waiting.append(
+                (received.time_s, partial(self._process_one, topic, act, received))
+            )
 
         self._node.subscribe(topic, type_name, wait)
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import logging
+import sys
 import threading
-from collections.abc import Callable, Coroutine
-from contextlib import suppress
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, TypeVar
 
@@ -17,6 +18,12 @@ from sim.errors import RosError
 
 CLOSING_S = 2.0
 """Time that the thread is given to close all connections."""
+
+TOGETHER_S = 0.005
+"""Maximum time that a thread waits until its calls are made."""
+
+SWITCH_S = 0.0005
+"""Time after which a thread that computes makes way for others, such as an event loop's."""
 
 REPEAT_S = 10.0
 """Time before the same error of asyncio is logged again."""
@@ -102,6 +109,22 @@ class EventLoop(NotCopied, OneLine):
                 self._calls.append(partial(function, *args))
                 if len(self._calls) == 1:
                     self._loop.call_soon_threadsafe(self._make_calls)
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make all calls of the block right after each other, and wait until they are made.
+
+        The interpreter lets one thread run at a time, so a caller that went on computing would get
+        between two messages as the first one is sent. It waits for `TOGETHER_S` at most.
+        """
+        made = threading.Event()
+        with self._lock:
+            yield
+            is_called = bool(self._calls) and not self.is_current
+            if is_called:
+                self.call(made.set)
+        if is_called:
+            made.wait(TOGETHER_S)
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine in the loop, and wait for its result.
@@ -190,6 +213,20 @@ class EventLoop(NotCopied, OneLine):
 
     def _facts(self) -> tuple[str, ...]:
         return self._name, "running" if self._thread.is_alive() else "ended"
+
+
+@contextmanager
+def quick_switches() -> Iterator[None]:
+    """Inside the block, threads that compute make way for others after `SWITCH_S`.
+
+    Python's default is 5 ms, half a tick, each time that an event loop has waited for a peer.
+    """
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(min(SWITCH_S, before_s))
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before_s)
 
 
 async def in_thread(function: Callable[..., T], *args: object) -> T:

@@ -266,6 +266,11 @@ class Subscription(NotCopied, OneLine):
         return tuple(each.name for each in publishers if each.stream is not None)
 
     @property
+    def publisher_uris(self) -> frozenset[str]:
+        """The XML-RPC servers of all publishers that the master knows, connected or not."""
+        return self._wanted
+
+    @property
     def connections(self) -> tuple[tuple[Stream, str], ...]:
         """The connection and XML-RPC server of every publisher that is connected."""
         publishers = tuple(self._publishers.values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +49,7 @@ class BusNode:
 
     def __init__(self, name: str, bus: Bus) -> None:
         self.name, self.bus = name, bus
+        self.uri = f"http://bus{name}/"
         self.reason_for_end: str | None = None
         self._ends: list[BusPublisher | BusSubscriber] = []
 
@@ -76,6 +78,9 @@ class BusNode:
                 end.deliver(publisher.latched, publisher.node.name)
         return end
 
+    def together(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
     def _add(self, end: Any, ends: dict[str, list[Any]]) -> None:
         with self.bus.lock:
             ends[end.topic].append(end)
@@ -99,6 +104,7 @@ class BusPublisher:
     def __init__(self, node: BusNode, topic: str, kind: str, latch: bool) -> None:
         self.node, self.topic, self._kind, self._latch = node, topic, message_type(kind), latch
         self.latched: Any = None
+        self.is_connected = True
         self.among: list[BusPublisher] = []
 
     @property
@@ -127,7 +133,12 @@ class BusSubscriber:
 
     @property
     def writers(self) -> tuple[str, ...]:
-        return self.node.publishers_of(self.topic)
+        ends = self.node.bus.publishers[self.topic]
+        return tuple(dict.fromkeys(end.node.name for end in ends if end.is_connected))
+
+    @property
+    def publisher_uris(self) -> frozenset[str]:
+        return frozenset(end.node.uri for end in self.node.bus.publishers[self.topic])
 
     def deliver(self, message: Any, sender: str) -> None:
         self._hear(Heard(message, sender, self.topic, self.node.bus.clock.now_s))

@@ -183,6 +183,18 @@ def test_an_arm_that_is_late_on_its_path_is_let_pass(approach: Approach, late_s:
         assert stop.cause is StopCause.JOINT_OFF
 
 
+def test_a_measurement_is_compared_with_the_path_of_its_own_time(approach: Approach) -> None:
+    """An arm right on its path is not taken to be off it because its measurement is old."""
+    guard, q = guarded(approach, 0.6)
+    guard.advance(0.601, q, evolve(approach.clearance, max_off_rad=0.01))
+    then = approach.move.trajectory.sample(0.4).q
+    assert np.abs(then - q).max() > 0.01
+    assert guard.check(then, q) is not None
+    assert guard.check(then, guard.path_at(0.41)) is None
+    assert guard.path_at(-1.0).tolist() == approach.move.trajectory.sample(0.0).q.tolist()
+    assert guard.path_at(1.0).tolist() == q.tolist()
+
+
 def test_the_path_is_forgotten_after_a_while(approach: Approach) -> None:
     trajectory = approach.move.trajectory
     guard = PathGuard(approach.context, JOINTS)

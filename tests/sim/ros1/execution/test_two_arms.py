@@ -31,6 +31,7 @@ from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from tests.planner.two_arms.pair_moves import carries
 from tests.planner.two_arms.pairs import handover_of_stick
+from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import FAST, Network, networked_at
 from tests.sim.runs import Witness
 
@@ -167,7 +168,20 @@ def lose_limb(network: Network) -> None:
     ends[:] = [end for end in ends if end.node.name != "/baxter"]
 
 
+def announce_other(network: Network) -> None:
+    """The master announces another node that commands the right arm; it is connected later."""
+    topic, kind = "/robot/limb/right/joint_command", "baxter_core_msgs/JointCommand"
+    publisher = BusNode("/other", network.bus).advertise(topic, kind)
+    publisher.is_connected = False
+    begin_s = network.bus.clock.now_s
+    network.when(
+        lambda: network.bus.clock.now_s > begin_s + 0.1,
+        lambda: setattr(publisher, "is_connected", True),
+    )
+
+
 ENDS = [
+    Trouble(StopCause.OTHER_COMMANDER, announce_other),
     Trouble(StopCause.JOINT_OFF, push("left_w2")),
     Trouble(StopCause.JOINT_OFF, push("right_w2")),
     Trouble(StopCause.CONNECTION_LOST, lose_limb, held=("left",)),
@@ -195,6 +209,24 @@ def test_what_stops_one_arm_stops_both(
     assert outcome.stop is not None
     assert outcome.stop.cause is trouble.cause, outcome.failure
     assert_rest(both, trouble.held)
+
+
+def test_another_node_stops_both_before_it_is_connected_and_is_named_afterwards(
+    both: Network, both_ready: ReadyTwoArmPlan
+) -> None:
+    announced_s: list[float] = []
+
+    def announce(network: Network) -> None:
+        announced_s.append(network.bus.clock.now_s)
+        announce_other(network)
+
+    outcome = troubled(both, both_ready, Trouble(StopCause.OTHER_COMMANDER, announce))
+    assert outcome.stop is not None
+    assert outcome.stop.subject == "/other"
+    for side in LIMBS:
+        times, q = sent_to(both, side)
+        moved_s = times[np.abs(q - q[-1]).max(axis=1) > 0.0].max()
+        assert moved_s <= announced_s[0] + TICK_S
 
 
 @pytest.mark.parametrize("side", LIMBS)

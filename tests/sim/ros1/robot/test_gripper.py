@@ -19,6 +19,7 @@ from sim.ros1.robot.gripper import PARAMETERS, ElectricGripper, Fingers, Gripper
 from sim.timeline import Timeline
 from sim.world import Gripper
 from sim.world.contacts import ContactWatch
+from sim.world.gripper import Closing
 from tests.conftest import overhead, state_at
 from tests.sim.runs import Witness
 
@@ -137,6 +138,26 @@ class TestClosing:
         expected = bench.world.T_base_tip("left") * held.T_link_body
         assert bench.world.body("block").T_base_body.isApprox(expected, 1e-12)
 
+    def test_a_hand_that_settles_while_it_closes_needs_few_predictions(
+        self, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As a lagging arm, which moves by less and less; each takes longer than a tick."""
+        q, predict, calls = bench.world.arm_q("left"), Gripper.closing, list[float]()
+
+        def counted(gripper: Gripper) -> Closing:
+            calls.append(bench.world.finger_m("left"))
+            return predict(gripper)
+
+        def settle(tick: int) -> None:
+            bench.world.move_arm("left", q + 2e-3 * 0.8**tick * np.ones(7))
+
+        settle(0)
+        monkeypatch.setattr(Gripper, "closing", counted)
+        bench.send("go", position=0.0)
+        bench.run(1.0, settle)
+        assert bench.gripper.fingers.is_gripping
+        assert len(calls) <= 12
+
     def test_a_hand_that_leaves_while_it_closes_misses(self, bench: Bench) -> None:
         bench.send("go", position=0.0)
         start = bench.world.robot.arm("left").start
@@ -216,6 +237,16 @@ class TestOpening:
         assert heights[0] == high
         assert heights == sorted(heights, reverse=True)
         assert bench.world.supports["block"] == ("table",)
+        assert bench.kinds[-2:] == [EventKind.RELEASED, EventKind.SETTLED]
+
+    def test_a_block_let_go_just_above_the_table_is_there_at_once(self, bench: Bench) -> None:
+        bench.send("go", position=0.0)
+        bench.run(1.0)
+        where = bench.world.body("block").T_base_body
+        q = bench.world.arm_q("left")
+        bench.world.move_arm("left", q + 3e-3 * np.ones(7))
+        assert not bench.world.body("block").T_base_body.isApprox(where, 1e-3)
+        bench.send("go", position=100.0)
         assert bench.kinds[-2:] == [EventKind.RELEASED, EventKind.SETTLED]
 
     def test_it_falls_no_farther_when_it_is_taken_away(self, bench: Bench) -> None:

@@ -432,7 +432,7 @@ class TestEnds:
     def test_a_tick_that_breaks_is_told(
         self, served: RosRobot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(served.baxter, "tick", lambda _: 1 / 0)
+        monkeypatch.setattr(served.baxter, "tick", lambda *_: 1 / 0)
         assert "ZeroDivisionError" in until(lambda: served.wait_ended(0.05))
         assert isinstance(served.failure, ZeroDivisionError)
         served._failure = None

@@ -97,10 +97,10 @@ class Bench:
         node: Any = self.ears
         self.subscribers = Subscribers(self.baxter, node, self.diagnostics)
 
-    def send(self, topic: str, **values: Any) -> None:
+    def send(self, topic: str, time_s: float = 0.0, **values: Any) -> None:
         for name, kind, callback in self.ears.topics:
             if name == topic:
-                callback(Received(message_type(kind).make(**values), "/somebody", topic, 0.0))
+                callback(Received(message_type(kind).make(**values), "/somebody", topic, time_s))
 
 
 @settings(max_examples=25)
@@ -132,6 +132,22 @@ def test_messages_of_one_tick_are_obeyed_in_their_order(robot: Baxter, side: str
     bench.send(topic, mode=1, names=[f"{side}_s0"], command=[0.1])
     bench.subscribers.process()
     assert bench.baxter.arms[side].target[[0, 6]].tolist() == [0.1, 0.5]
+
+
+def test_a_late_tick_executes_each_order_when_a_punctual_one_does(robot: Baxter) -> None:
+    punctual, late = Bench(robot), Bench(robot)
+    topic, ticks = "/robot/limb/left/joint_command", 8
+    turns = np.random.default_rng(5).uniform(-1.0, 1.0, ticks)
+    for bench in (punctual, late):
+        bench.send("/robot/set_super_enable", data=True)
+        for number, turn in enumerate(turns.tolist()):
+            bench.send(topic, number + 0.5, mode=1, names=["left_s0"], command=[turn])
+    for number in range(1, ticks + 1):
+        punctual.subscribers.process(number)
+        punctual.baxter.tick()
+    late.baxter.tick(ticks, lambda left: late.subscribers.process(ticks - left))
+    assert late.baxter.arms["left"].q.tolist() == punctual.baxter.arms["left"].q.tolist()
+    assert late.baxter.time_s == punctual.baxter.time_s
 
 
 def test_what_is_done_between_ticks_has_its_result_or_its_error(robot: Baxter, block: Body) -> None:

@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 
 import pytest
 
@@ -47,6 +48,39 @@ def test_calls_are_made_in_order_and_a_failed_one_loses_no_other(
     assert found == list(range(100))
     assert loop.counts.faults == 1
     assert "of a call" in caplog.text
+
+
+def test_no_call_of_another_thread_comes_between_those_made_together(loop: EventLoop) -> None:
+    found: list[str] = []
+    ended = threading.Event()
+
+    def disturb() -> None:
+        while not ended.wait(0.0):
+            loop.call(found.append, "other")
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    for _ in range(50):
+        with loop.together():
+            loop.call(found.append, "left")
+            ended.wait(1e-4)
+            loop.call(found.append, "right")
+    ended.set()
+    thread.join()
+    loop.run(asyncio.sleep(0.0))
+    assert found.count("left") == 50
+    assert all(after == "right" for each, after in pairwise(found) if each == "left")
+
+
+def test_nothing_is_waited_for_where_nothing_was_called_or_the_loop_is_closed(
+    loop: EventLoop,
+) -> None:
+    with loop.together():
+        pass
+    loop.close()
+    with loop.together():
+        loop.call(fail, ZeroDivisionError("of a call that is not made"))
+    assert loop.counts.faults == 0
 
 
 def test_results_and_errors_of_a_coroutine_reach_the_caller(loop: EventLoop) -> None:
