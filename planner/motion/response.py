@@ -61,7 +61,7 @@ TICK_S = 0.01
 """Time between two set-points: 100 Hz, as the original clients."""
 
 LATE_S = 0.02
-"""Default lateness of the stream: what the executor tolerates."""
+"""Default lateness of the stream that proofs assume."""
 
 REST_PLAN_S = 0.01
 """Additional rest, in plan time: more than the cells by which tubes extend a motion."""

@@ -6,18 +6,22 @@ action, until the action is over at the latest; what it holds after it, from whe
 earliest. So states overlap, and every state of one hand is proven with every state of the other
 that may occur at the same time.
 
-A body that is handed over rests between both hands while these act. It belongs to neither
-then; each arm's own plan has it there. So states do not overlap beside a handover.
+A body that is handed over rests between both hands while these act, in the plan. It belongs to
+neither then; each arm's own plan has it there, so states do not overlap beside a handover. On an
+arm that lags, it is where the giver's hand is. From when the taker's hand begins its last move to
+it, and the giver has arrived on the clock, the hands are bounded as in one body that both hold.
+What the taker's other links keep from it is proven for its planned place.
 
 **Clocks.** What is sent to both arms at one tick is in force at times that differ by the skew at
 most. Where one arm is on the clock at an instant, the other may be anywhere that it is within that
 much of it. In a box of 14 joints, both arms may be anywhere in their boxes, independently.
 
 **Two hands in one body** cannot be apart. Let d be the displacement of each tip from where it is
-planned at that instant. The pose of one hand, seen from the other, is off by the difference of both
-at most, so the distance of the tips changes by no more. Each d is bounded, in a box of joints, by
-that of the middle and a radius; what is common to both arms cancels out. What this does to the
-body, or the fingers, is not proven.
+planned at that instant. Seen from one hand, the tip of the other is off by the difference of both,
+and by the chord through which the turn of the first one moves it: 2 sin(angle / 2) times the
+planned distance of the tips. Each d is bounded, in a box of joints, by that of the middle and a
+radius; what is common to both arms cancels out. The turn is at most that of the middle and the sum
+of the half-widths. What this does to the body, or the fingers, is not proven.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from baxter_kin import Arm
 from baxter_kin.display import clear, millimetres, phrase
 from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import LIMBS, other_than
@@ -201,11 +206,12 @@ class BothApart:
         return self._proofs[at]
 
     def _hands_off(self, tube: JointTube, speed: float) -> tuple[float, float]:
-        """The greatest difference of both tips' displacements, m, and its time on the clock."""
+        """The greatest displacement of a tip, seen from the other, m, and its time on the clock."""
         low, high = tube.lowest, tube.highest
         lows, highs = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
         clock_s = speed * 0.5 * (tube.times_s[:-1] + tube.times_s[1:])
         off, radii = np.zeros((tube.cells, 3)), np.zeros(tube.cells)
+        apart, turns_rad = np.zeros((tube.cells, 3)), np.zeros(tube.cells)
         for number, side in enumerate(LIMBS):
             own = slice(7 * number, 7 * number + 7)
             motion, arm = self._arms[side].motion, self._manipulators[side].arm
@@ -213,11 +219,22 @@ class BothApart:
             rest = PathDeviation(arm, Trajectory.stay(motion.q_start, motion.limits))
             middles, spread = rest.tips_in_boxes(lows[:, own], highs[:, own])
             planned, _ = rest.tips_in_boxes(q, q)
-            off += (middles - planned) * (1.0 if number else -1.0)
+            sign = 1.0 if number else -1.0
+            off, apart = off + sign * (middles - planned), apart + sign * planned
             radii += spread
-        off_m = np.linalg.norm(off, axis=1) + radii
+            turns_rad = np.maximum(turns_rad, _turns_rad(arm, q, lows[:, own], highs[:, own]))
+        chords_m = 2.0 * np.sin(turns_rad.clip(max=np.pi) / 2.0) * np.linalg.norm(apart, axis=1)
+        off_m = np.linalg.norm(off, axis=1) + radii + chords_m
         worst = int(off_m.argmax())
         return float(off_m[worst]), float(clock_s[worst])
+
+
+def _turns_rad(arm: Arm, q: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """The greatest turns of a tip from where it is at q, in boxes of joints, shape (m,)."""
+    R, R_middle = (arm.T_base_tips(each)[:, :3, :3] for each in (q, 0.5 * (low + high)))
+    cosines = 0.5 * (np.einsum("kij,kij->k", R, R_middle) - 1.0)
+    turns: FloatArray = np.arccos(cosines.clip(-1.0, 1.0)) + 0.5 * (high - low).sum(axis=1)
+    return turns
 
 
 def _gripped(plan: Plan) -> frozenset[str]:
@@ -331,14 +348,25 @@ def _skewed(bounds: tuple[FloatArray, FloatArray], cells: int) -> tuple[FloatArr
 def _held_s(
     plan: TwoArmPlan, name: str, arms: Mapping[str, ClockedArm]
 ) -> tuple[float, float, dict[str, list[Clip]]]:
-    """When both hands may hold a body, and where each arm is settled meanwhile."""
+    """When both hands may hold a body, and where each arm is settled meanwhile.
+
+    A body that is handed over counts as held from the taker's last move to it on.
+    """
+    is_given = any(name in handed_over(own) for own in plan.plans.values())
     begins, ends, clips = list[float](), list[float](), dict[str, list[Clip]]()
     for side in LIMBS:
-        clips[side] = []
-        for number, timed in enumerate(plan.steps_of(side)):
+        clips[side], steps = [], plan.steps_of(side)
+        for number, timed in enumerate(steps):
             if not isinstance(timed.step, Grip) or timed.step.body != name:
                 continue
             clips[side].append(arms[side].clips[number])
-            is_close = timed.step.action is GripperAction.CLOSE
-            (begins if is_close else ends).append(timed.begin_s if is_close else timed.end_s)
-    return max(begins), min(ends), clips
+            before = steps[number - 1] if number else timed
+            if timed.step.action is not GripperAction.CLOSE:
+                ends.append(timed.end_s)
+                if timed.step.receiver:
+                    begins.append(before.end_s)
+            elif not is_given:
+                begins.append(timed.begin_s)
+            elif name not in handed_over(plan.plans[side]):
+                begins.append(before.begin_s)
+    return max(begins, default=0.0), min(ends, default=np.inf), clips

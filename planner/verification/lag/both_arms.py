@@ -44,7 +44,14 @@ from planner.verification.lag.checks import (
     off_path_of,
 )
 from planner.verification.lag.response_tube import STEP_S, ResponseTube, positions, response_tube
-from planner.verification.lag.tubes import TubeDistances, path_of, tip_sags, tips_at, tips_off
+from planner.verification.lag.tubes import (
+    TubeDistances,
+    path_of,
+    tip_sags,
+    tip_turns,
+    tips_at,
+    tips_off,
+)
 
 APART, HANDS = "tracking: arms apart", "tracking: hands in one body"
 """Names of the checks of one arm against the other."""
@@ -109,8 +116,10 @@ class BothLagging:
         distances = TubeDistances(both.robot, both.clusters)
         step_s = self._arms["left"].tube.step_s
         skew = int(np.ceil(self._skew_s / step_s))
+        settled = max(len(arm.tube.low) for arm in self._arms.values()) - 1
         for ours, theirs in product(left, right):
-            first, last = max(ours.first, theirs.first - skew), min(ours.last, theirs.last + skew)
+            first = max(ours.first, theirs.first - skew)
+            last = int(min(ours.last, theirs.last + skew, settled))
             pairs = [
                 Pair(b, a, 0.0, 0.0, 1.0)
                 for a, b in product(ours.movers, theirs.movers)
@@ -135,14 +144,17 @@ class BothLagging:
         skew = int(np.ceil(self._skew_s / step_s))
         for name in sorted(held[0].keys() & held[1].keys()):
             begin_s = max(of[name][0] for of in held)
-            end_s = min(of[name][1] for of in held)
+            settled_s = step_s * max(len(arm.tube.low) for arm in self._arms.values())
+            end_s = min(settled_s, *(of[name][1] for of in held))
             steps = np.arange(int(begin_s / STEP_S), int(np.ceil(end_s / STEP_S)), dtype=np.intp)
-            off, radii = np.zeros((len(steps), 3)), np.zeros(len(steps))
-            for side, sign, cells in (("left", -1.0, 0), ("right", 1.0, skew)):
-                middles, radius = self._arms[side].tips(steps, cells)
-                off += sign * middles
-                radii += radius
-            off_m = np.linalg.norm(off, axis=1) + radii
+            tips = [
+                self._arms[side].tips(steps, cells)
+                for side, cells in zip(LIMBS, (0, skew), strict=True)
+            ]
+            off = np.linalg.norm(tips[1].off_m - tips[0].off_m, axis=1)
+            apart = np.linalg.norm(tips[1].planned_m - tips[0].planned_m, axis=1)
+            turns_rad = np.maximum(tips[0].turns_rad, tips[1].turns_rad)
+            off_m = off + tips[0].radii_m + tips[1].radii_m + turns_rad * apart
             worst = int(off_m.argmax())
             yield Worst(float(off_m[worst]), f"{name}, {step_s * steps[worst]:.2f} s")
 
@@ -152,13 +164,14 @@ class _State(NamedTuple):
 
     Attributes:
         movers: links, fingers and bodies.
-        first, last: numbers of the instants between which it may be there.
+        first, last: numbers of the instants between which it may be there; infinite for the last
+            state, which is there until both arms have settled.
         low, high: bounds of the joints at all instants, each of shape (k, 7), rad.
     """
 
     movers: Sequence[Mover]
     first: int
-    last: int
+    last: float
     low: FloatArray
     high: FloatArray
 
@@ -178,6 +191,22 @@ class _Act(NamedTuple):
     end_s: float
     grip: Grip
     q: FloatArray
+
+
+class _Tips(NamedTuple):
+    """A tip around its planned places in k steps of the clock.
+
+    Attributes:
+        planned_m: these places, shape (k, 3), m.
+        off_m: displacements from there to the middle of where it may be, shape (k, 3), m.
+        radii_m: of where it may be around the middle, shape (k,), m.
+        turns_rad: how far it may be turned, as a chord of the unit circle, shape (k,).
+    """
+
+    planned_m: FloatArray
+    off_m: FloatArray
+    radii_m: FloatArray
+    turns_rad: FloatArray
 
 
 class _LaggingArm:
@@ -200,6 +229,12 @@ class _LaggingArm:
         self._steps, self._begins_s = plan.plans[side].steps, plan.begins_s[side]
         q, now_s, self._motions = plan.plans[side].q_start, 0.0, list[Trajectory]()
         self._acts: dict[int, _Act] = {}
+        self._exchanged = {
+            step.body
+            for own in plan.plans.values()
+            for step in own.steps
+            if isinstance(step, Grip) and step.receiver
+        }
         for number, (step, begin_s) in enumerate(zip(self._steps, self._begins_s, strict=True)):
             if isinstance(step, Grip):
                 self._acts[number] = _Act(begin_s, begin_s + plan.grip_s, step, np.array(q))
@@ -267,24 +302,31 @@ class _LaggingArm:
                 if after is not None and after.acts and not after.exchanges:
                     end_s = after.end_s
             tube = self._settled(act)
-            first, last = self._instants(begin_s, np.inf if after is None else end_s)
-            yield _State(now.movers, first, last, tube.low, tube.high)
+            first, last = self._instants(begin_s, end_s)
+            yield _State(now.movers, first, np.inf if after is None else last, tube.low, tube.high)
 
     def held_s(self) -> dict[str, tuple[float, float]]:
-        """From when to when the hand may hold each body."""
+        """From when to when the hand may hold each body, or is about to take it from the other."""
+        given = {act.grip.body for act in self._acts.values() if act.grip.receiver}
         found: dict[str, tuple[float, float]] = {}
-        for act in self._acts.values():
+        for number, act in self._acts.items():
             name = act.grip.body
             if name is None:
                 continue
+            before_s = self._begins_s[number - 1] if number else 0.0
             if act.grip.action is GripperAction.CLOSE:
-                found[name] = act.begin_s, np.inf
-            elif name in found:
-                found[name] = found[name][0], act.end_s
+                is_taken = name in self._exchanged and name not in given
+                found[name] = before_s if is_taken else act.begin_s, np.inf
+            else:
+                step = self._steps[number - 1] if number else None
+                since_s = found.get(name, (0.0, np.inf))[0]
+                if act.grip.receiver and isinstance(step, Move):
+                    since_s = before_s + float(step.trajectory.knots_s[-1])
+                found[name] = since_s, act.end_s
         return found
 
-    def tips(self, steps: Indices, skew: int) -> tuple[FloatArray, FloatArray]:
-        """Displacements of the tip from its planned place: their middles, (k, 3), m, and radii."""
+    def tips(self, steps: Indices, skew: int) -> _Tips:
+        """The tip around its planned place in some steps of the clock."""
         robot = self._timeline.robot
         low, high = self.tube.low, self.tube.high
         for act in self._acts.values():
@@ -297,16 +339,18 @@ class _LaggingArm:
         boxes = np.stack(
             [np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])], axis=1
         )
-        planned = tips_at(robot, self._planned(STEP_S * (steps.astype(np.float64) + 0.5))[:, None])[
-            :, 0
-        ]
+        q = self._planned(STEP_S * (steps.astype(np.float64) + 0.5))
+        planned = tips_at(robot, q[:, None])[:, 0]
         middles, radii = np.empty((len(steps), 3)), np.empty(len(steps))
         for rows in np.array_split(np.arange(len(steps)), 1 + len(steps) // 500):
             places = tips_at(robot, boxes[rows])
             middles[rows] = 0.5 * (places.min(axis=1) + places.max(axis=1))
             off = np.linalg.norm(places - middles[rows][:, None], axis=2).max(axis=1)
             radii[rows] = off + tip_sags(robot, boxes[rows])
-        return middles - planned, radii
+        turned = tip_turns(robot, q).swapaxes(1, 2) @ tip_turns(robot, boxes.mean(axis=1))
+        chords = np.linalg.norm(turned - np.eye(3), ord=2, axis=(1, 2))
+        turns_rad = chords + 0.5 * (boxes[:, 1] - boxes[:, 0]).sum(axis=1)
+        return _Tips(planned, middles - planned, radii, turns_rad)
 
     def _planned(self, clock_s: FloatArray) -> FloatArray:
         """Planned positions of the joints at times on the clock, shape (k, 7), rad."""

@@ -94,6 +94,18 @@ def tip_sags(robot: Robot, boxes: FloatArray) -> FloatArray:
     return sags
 
 
+def tip_turns(robot: Robot, q: FloatArray) -> FloatArray:
+    """Orientations of the tip at configurations, shape (m, 7), but for its own: (m, 3, 3)."""
+    turns = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    for joint in range(ARM_JOINTS):
+        about = np.zeros((len(q), 3, 3))
+        c, s = np.cos(q[:, joint]), np.sin(q[:, joint])
+        about[:, 0, 0] = about[:, 1, 1] = c
+        about[:, 0, 1], about[:, 1, 0], about[:, 2, 2] = -s, s, 1.0
+        turns = turns @ robot.spans[joint].R.centred()[0] @ about
+    return turns
+
+
 def tips_at(robot: Robot, choices: FloatArray) -> FloatArray:
     """Positions of the tip for all combinations of c angles of each joint.
 

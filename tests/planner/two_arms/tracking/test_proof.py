@@ -10,20 +10,25 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.errors import BaxterError
 from baxter_kin.fields import evolve
+from baxter_kin.validation import FloatArray
 from planner import (
     Body,
     Grip,
     Manipulator,
+    Plan,
     PlanFailure,
     Response,
+    Scene,
+    State,
     TwoArmPlan,
     TwoArmTrackingProof,
     plan_pair_carry,
+    plan_start_move,
     prove_tracking,
     prove_tracking_of_both,
     verify_both,
 )
-from planner.completion import after, state_of
+from planner.completion import after, complete, state_of
 from planner.errors import ResponseError, TaskError
 from planner.two_arms.tracking.clocked_arm import alone
 from planner.two_arms.tracking.proof import MAX_HANDS_M, SKEW_S
@@ -44,6 +49,10 @@ EVERY = 60
 
 STILL = Response((0.0, 0.0), 0.0, 0.3, late_s=0.0)
 """Arms that are where they are sent."""
+
+
+TURNS = (("left", 1.0), ("right", -1.0))
+"""Signs of a wrist's turn of each arm."""
 
 
 class LaggingMeasured(Measured):
@@ -235,13 +244,41 @@ def test_no_simulated_hands_are_farther_apart_in_one_body_than_stated(
     for now in followed(carried, dict.fromkeys(SIDES, TYPICAL), rng, skew_s=SKEW_S):
         if not begin_s <= now.clock_s <= end_s:
             continue
-        off = []
-        for side in SIDES:
-            arm = manipulators[side].arm
-            planned = arm.T_base_tip(motions[side].sample(now.clock_s).q).translation
-            off.append(arm.T_base_tip(now.q[side]).translation - planned)
-        worst_m = max(worst_m, float(np.linalg.norm(off[1] - off[0])))
+        planned = {side: motions[side].sample(now.clock_s).q for side in SIDES}
+        worst_m = max(worst_m, *displacements_m(manipulators, planned, now.q))
     assert 0.002 < worst_m <= proof.hands[0].apart_m
+
+
+def displacements_m(
+    manipulators: Mapping[str, Manipulator],
+    planned: Mapping[str, FloatArray],
+    q: Mapping[str, FloatArray],
+) -> list[float]:
+    """How far each tip is from its planned place, seen from the other tip."""
+    there, here = (
+        {side: manipulators[side].arm.T_base_tip(of[side]) for side in SIDES} for of in (planned, q)
+    )
+    return [
+        float(
+            np.linalg.norm(
+                here[one].actInv(here[other]).translation
+                - there[one].actInv(there[other]).translation
+            )
+        )
+        for one, other in (SIDES, SIDES[::-1])
+    ]
+
+
+@pytest.mark.slow
+def test_an_error_of_a_wrist_moves_the_other_hand_as_seen_from_it(
+    carried: TwoArmPlan, manipulators: Mapping[str, Manipulator]
+) -> None:
+    wrist = Response((0.0, 0.0), (*(5e-4,) * 5, 0.0, 0.03), 0.05)
+    proof = prove_tracking_of_both(carried, wrist, manipulators=manipulators, seek_speed=False)
+    clock_s = proof.hands[0].time_s
+    planned = {side: carried.motion_of(side).sample(clock_s).q for side in SIDES}
+    turned = {side: planned[side] + [0, 0, 0, 0, 0, 0, sign * 0.03] for side, sign in TURNS}
+    assert 0.005 < max(displacements_m(manipulators, planned, turned)) <= proof.hands[0].apart_m
 
 
 @pytest.mark.slow
@@ -257,6 +294,68 @@ def test_a_handover_bounds_how_far_both_hands_are_off(
     certificate = verify_both(handover_plan, response=exact)
     (hands,) = (check for check in certificate.checks if check.name == HANDS)
     assert hands.value == pytest.approx(found.hands[0].apart_m, abs=ALIKE_M)
+
+
+@pytest.mark.slow
+def test_a_giver_that_is_late_is_not_where_the_taker_closes(
+    handover_plan: TwoArmPlan, manipulators: Mapping[str, Manipulator]
+) -> None:
+    """The giver still comes, 0.4 s late, when the taker's hand is around the body."""
+    late = {"left": Response((0.38, 0.42), 0.001, 0.5), "right": Response((0.0, 0.01), 0.001, 0.5)}
+    proof = prove_tracking_of_both(
+        handover_plan, late, manipulators=manipulators, seek_speed=False, slowing_s=0.2
+    )
+    taking = next(
+        number
+        for number, each in enumerate(handover_plan.steps_of("right"))
+        if isinstance(each.step, Grip) and each.step.body == "stick"
+    )
+    at_s = handover_plan.steps_of("right")[taking].begin_s
+    motion, arm = handover_plan.motion_of("left"), manipulators["left"].arm
+    clock_s = np.arange(0.0, at_s, 0.5e-3)  # half a millisecond of the clock is one of time
+    q, share = motion.q_start, np.exp(-1e-3 / 0.4)
+    for wanted in motion.sample(clock_s).q:
+        q = wanted + share * (q - wanted)
+    off_m = np.linalg.norm(arm.T_base_tip(q).translation - arm.T_base_tip(wanted).translation)
+    assert proof.hands[0].failure is not None
+    assert off_m <= proof.hands[0].apart_m
+    assert not verify_both(handover_plan, response=late, slowing_s=0.2).is_valid
+
+
+@pytest.fixture(scope="module")
+def nearing(plain_plan: TwoArmPlan, manipulators: Mapping[str, Manipulator]) -> TwoArmPlan:
+    """A move of each arm, at whose ends the arms are near each other."""
+    ways = {"left": (0.15, 0.0), "right": (-0.5, 0.42)}
+    ends = {
+        side: [plain_plan.plans[side].q_start + off * np.eye(7)[0] for off in ways[side]]
+        for side in SIDES
+    }
+    joints = dict(plain_plan.start.joints)
+    for side in SIDES:
+        joints |= manipulators[side].arm.joints(ends[side][0])
+    scene = Scene.of(body for body in plain_plan.start.scene if not body.is_movable)
+    state, plans = State(scene, joints), {}
+    there = evolve(plain_plan, start=state)
+    for side in SIDES:
+        arm = alone(there, side, manipulators[side])
+        found = plan_start_move(arm, scene, *ends[side])
+        step = evolve(found.moves[0], label="go", state=None, contacts=())
+        plans[side] = complete(Plan(state, (step,), robot=arm.identity), manipulator=arm)
+    begins_s = dict.fromkeys(SIDES, (0.0,))
+    return evolve(plain_plan, start=state, plans=plans, begins_s=begins_s)
+
+
+def test_an_arm_that_settles_long_after_the_other_one_is_still_checked(
+    nearing: TwoArmPlan, manipulators: Mapping[str, Manipulator]
+) -> None:
+    late = {"left": evolve(STILL, speed=1.0), "right": Response((2.0, 2.0), 0.0, 1.0)}
+    proof = prove_tracking_of_both(
+        nearing, late, manipulators=manipulators, seek_speed=False, slowing_s=0.1
+    )
+    certificate = verify_both(nearing, response=late, slowing_s=0.1)
+    (apart,) = (check for check in certificate.checks if check.name == APART)
+    assert 0.0 < proof.apart_m < 0.03
+    assert apart.value == pytest.approx(proof.apart_m, abs=ALIKE_M)
 
 
 def test_a_failed_plan_is_not_proven(plain_plan: TwoArmPlan) -> None:
