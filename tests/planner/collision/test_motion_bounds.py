@@ -154,11 +154,11 @@ def test_one_joint_alone_comes_near_the_bound(rig: Rig) -> None:
 def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = rig.arm.random_configuration(rng)
-    first, second = rng.integers(len(rig.shapes), size=(2, 20))
+    pairs = rng.integers(len(rig.shapes), size=(20, 2))
     placed = rig.bounds.place(rig.q_others, q[None]).shapes
-    gaps = rig.covers.gaps_m(placed, np.zeros(20, dtype=np.intp), first, second)
+    gaps = rig.covers.gaps_m(placed, np.zeros(20, dtype=np.intp), pairs)
     poses, shapes = rig.poses(q), [shape.geometry for shape in rig.shapes]
-    for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
+    for (i, k), gap in zip(pairs.tolist(), gaps, strict=True):
         apart = distance(shapes[i], poses[i], shapes[k], poses[k]) if i != k else 0.0
         assert gap <= max(apart, 0.0) + GJK_TOLERANCE_M
 
