@@ -1,9 +1,9 @@
 """Retreats: ways of an arm out of a confined configuration, before a path is searched.
 
 A search by samples hardly ever finds its way into a hand's pose around a body, between two boards.
-A retreat goes there step by step: the tip along a straight line, or the arm away from what is
-nearest. Each step is the change of the joints nearest to the wanted one that keeps the linearised
-distances and the limits. The hand may turn on the way, and the elbow moves aside.
+A retreat leaves such a pose step by step: the tip moves along a straight line, or the arm away from
+what is nearest. Each step is the change of the joints nearest to the wanted one that keeps the
+linearised distances and the limits. The hand may turn on the way, and the elbow may move aside.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ MAX_TURN_RAD, PAIRS, NEAR_M, KEPT = 0.12, 10, 0.08, 0.3
 """Maximum change of a joint in a step, number of pairs and their maximum distance that are
 considered, and the share of their excess that a step keeps."""
 
-MIN_EXCESS_M, MIN_AWAY_M = 1e-3, 3e-3
-"""Bounds of distances whose inverses are weights."""
+MIN_EXCESS_M, SOFTENED_M = 1e-3, 3e-3
+"""Minimum excess of a distance, and what is added to it, before its inverse is a weight."""
 
 HALVINGS, SWEEPS = 3, 200
 """How often a step is halved that is not free; and iterations of a projection."""
@@ -122,7 +122,7 @@ class Surroundings:
         way = [q]
         for _ in range(AWAY_STEPS):
             near = self.obstacles.nearest(way[-1][None], PAIRS, AWAY_M)
-            weights = 1.0 / (near.excess_m.clip(min=MIN_EXCESS_M) + MIN_AWAY_M)
+            weights = 1.0 / (near.excess_m.clip(min=MIN_EXCESS_M) + SOFTENED_M)
             slope = weights @ near.slopes
             if not slope.any():
                 break
