@@ -129,18 +129,28 @@ class PathDeviation:
         deviations_m: FloatArray = np.min(by_chord, axis=0) + remainder + self.between_m
         return deviations_m
 
-    def tips_in_boxes(self, lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The tip in the middles of boxes, shape (m, 3), m, and how far it may be from there, (m,).
+    def points_in_boxes(
+        self, lows: FloatArray, highs: FloatArray, points_tip: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points that move with the tip in the middles of boxes, and the radii around them.
 
         Takes the same boxes as `in_boxes`; the path does not matter.
+
+        Args:
+            lows: lower corners of the boxes, shape (m, 7), rad.
+            highs: their upper corners, likewise.
+            points_tip: one point in each box, in the tip's frame, shape (m, 3), m.
+
+        Returns:
+            Shapes (m, 3) and (m,), m.
         """
-        p, J, remainder = self._linear(lows, highs)
+        p, J, remainder = self._linear(lows, highs, points_tip[:, None])
         at_corners = np.einsum("mjx,cj->mcx", J[:, 0], CORNERS)
         farthest = np.sqrt((at_corners**2).sum(axis=2).max(axis=1))
         return p[:, 0], farthest + remainder
 
     def _linear(
-        self, lows: FloatArray, highs: FloatArray
+        self, lows: FloatArray, highs: FloatArray, points_tip: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points in boxes to first order: in the middle, their changes to the sides, a remainder.
 
@@ -149,7 +159,7 @@ class PathDeviation:
         c, w = (lows + highs) / 2, (highs - lows) / 2
         joints = self._chain.poses(c)
         z = (joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
-        p = self._placed(joints)
+        p = self._placed(joints, points_tip)
         offsets = p[:, :, None] - joints[:, None, :, :3, 3]
         J = np.cross(z[:, None], offsets)  # boxes, points, joints, 3
         r = np.sqrt(np.einsum("mpjx,mpjx->mpj", J, J).max(axis=1))
@@ -163,10 +173,11 @@ class PathDeviation:
         points = self._points @ self._T_wrist_tip[:3, :3].T + self._T_wrist_tip[:3, 3]
         return float(links_m.sum() + np.linalg.norm(points, axis=1).max())
 
-    def _placed(self, joints: FloatArray) -> FloatArray:
-        """The points for joint poses of shape (m, 7, 4, 4): (m, k + 1, 3)."""
+    def _placed(self, joints: FloatArray, points_tip: FloatArray | None = None) -> FloatArray:
+        """The points, or others, for joint poses of shape (m, 7, 4, 4): (m, k + 1, 3)."""
         T = joints[:, -1] @ self._T_wrist_tip
-        placed: FloatArray = self._points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+        points = self._points if points_tip is None else points_tip
+        placed: FloatArray = points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
         return placed
 
     def _off_chord(

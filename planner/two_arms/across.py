@@ -38,7 +38,7 @@ import pinocchio as pin
 
 from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
@@ -215,6 +215,14 @@ class BetweenArms(ClearanceChecker):
             for indices, _ in carried[side]:
                 for pair in product(sorted(of[other] & shapes.wholes), indices):
                     builder.pair(*pair)
+        self._in_hands = [
+            {
+                body.body.name: set(indices)
+                for body, (indices, is_held) in zip(state.bodies, own, strict=True)
+                if is_held
+            }
+            for state, own in zip(states, carried, strict=True)
+        ]
         for (first, is_held), (second, other_held) in product(*carried):
             if is_held or other_held:
                 for pair in product(first, second):
@@ -227,6 +235,19 @@ class BetweenArms(ClearanceChecker):
 
     def __reduce__(self):  # type: ignore[no-untyped-def]
         return BetweenArms, self._both
+
+    def in_exchange(self, name: str) -> Indices:
+        """The numbers of the pairs of a body in one hand with the other hand, and what that holds.
+
+        A hand is what moves with the last joint of its arm.
+        """
+        are_in = np.zeros(len(self.checked.pairs), dtype=np.bool_)
+        for side, other in ((0, 1), (1, 0)):
+            body = self._in_hands[side].get(name, set[int]())
+            hand = self.shapes.of_hand(self.arms[other]).union(*self._in_hands[other].values())
+            is_body, is_hand = (np.isin(self.checked.pairs, sorted(each)) for each in (body, hand))
+            are_in |= (is_body & is_hand[:, ::-1]).any(axis=1)
+        return np.flatnonzero(are_in)
 
 
 def _added(

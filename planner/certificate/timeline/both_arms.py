@@ -102,19 +102,25 @@ class HandToHand:
 
 
 @dataclass(frozen=True)
-class _Exchange:
+class Exchange:
     """A body that goes from one hand to the other.
 
     Attributes:
         body: its name.
         giver: the arm that brings it.
         arrives_s: when the giver rests where the other hand takes the body.
+        reaches_s: when the receiver's last step before its hand closes begins, if not before that.
+        closes_s: when the receiver's hand begins to close.
+        opened_s: when the giver's hand is open.
         leaves_s: when the receiver moves on with it.
     """
 
     body: str
     giver: str
     arrives_s: float
+    reaches_s: float
+    closes_s: float
+    opened_s: float
     leaves_s: float
 
     def is_of(self, side: str, begin_s: float, end_s: float) -> bool:
@@ -143,14 +149,12 @@ class HandInterval(NamedTuple):
         end_s: when it ends.
         movers: links, fingers and bodies.
         acts: whether the hand acts in it.
-        exchanges: whether it hands a body over then, or takes one from the other hand.
     """
 
     begin_s: float
     end_s: float
     movers: Sequence[Mover]
     acts: bool
-    exchanges: bool
 
 
 class BothArms:
@@ -163,6 +167,7 @@ class BothArms:
             the bodies of both arms in each window in which a hand acts.
         numbers: None for the first, then the number of the window of each.
         windows: number of windows.
+        exchanges: of the bodies that are handed over, by their names.
         worst: upper bounds on the deviation of the hands from their poses in a body that both hold,
             by name, each with where it occurs; empty where there is no such body.
         duration_s: when the last step of both arms ends.
@@ -202,7 +207,7 @@ class BothArms:
         }
         self.duration_s = max(clock.end_s for clock in self._clocks.values())
         self.worst: dict[str, tuple[float, str]] = {}
-        self._exchanges = {each.body: each for each in self._handed_over()}
+        self.exchanges = {each.body: each for each in self._handed_over()}
         self.steps = [Step("bodies of both arms at first", list(self._at_first()), None, _still())]
         self.numbers: list[int | None] = [None]
         windows = list(self._windows())
@@ -232,32 +237,25 @@ class BothArms:
     def intervals(self, side: str) -> Iterator[HandInterval]:
         """The states of one hand, in order."""
         clock, cuts = self._clocks[side], [0.0, self.duration_s, *self._clocks[side].cuts_s]
-        for each in self._exchanges.values():
+        for each in self.exchanges.values():
             own = each.arrives_s if each.giver == side else each.leaves_s
             cuts.append(min(own, self.duration_s))
         for begin_s, end_s in pairwise(sorted(cuts)):
             if end_s - begin_s <= SAME_TIME_S:
                 continue
             middle_s = 0.5 * (begin_s + end_s)
-            now = [grip for grip in clock.grips if grip.begin_s < middle_s < grip.end_s]
             yield HandInterval(
                 begin_s,
                 end_s,
                 list(self._of_side(side, clock.hand(middle_s), (begin_s, end_s))),
-                acts=bool(now),
-                exchanges=any(self._is_exchange(side, grip) for grip in now),
+                acts=any(grip.begin_s < middle_s < grip.end_s for grip in clock.grips),
             )
-
-    def _is_exchange(self, side: str, grip: _Grip) -> bool:
-        """Whether a hand hands a body over in an action, or takes it."""
-        exchange = self._exchanges.get(grip.body or "")
-        return exchange is not None and grip.closes == (exchange.giver != side)
 
     def _windows(self) -> Iterator[tuple[float, float]]:
         cuts = [0.0, self.duration_s]
         for clock in self._clocks.values():
             cuts += clock.cuts_s
-        for each in self._exchanges.values():
+        for each in self.exchanges.values():
             cuts += [each.arrives_s, min(each.leaves_s, self.duration_s)]
         for begin_s, end_s in pairwise(sorted(cuts)):
             if end_s - begin_s > SAME_TIME_S:
@@ -282,10 +280,10 @@ class BothArms:
             name
             for name in self._timelines[side].bodies.scene
             if name not in theirs
-            or (name in self._exchanges and self._exchanges[name].is_of(side, *window_s))
+            or (name in self.exchanges and self.exchanges[name].is_of(side, *window_s))
         ]
 
-    def _handed_over(self) -> Iterator[_Exchange]:
+    def _handed_over(self) -> Iterator[Exchange]:
         """The bodies that are handed over, at times at which both hands hold them."""
         for giver, receiver in (LIMBS, LIMBS[::-1]):
             gives, takes = self._clocks[giver], self._clocks[receiver]
@@ -315,7 +313,9 @@ class BothArms:
                     is_one = max(off_m, turned) <= HANDED_M
                     require(is_one, f"{label}: the hands hold it {1e3 * off_m:.4f} mm apart")
                     self._note((off_m, turned), label)
-                yield _Exchange(name, giver, arrives_s, leaves_s)
+                reaches_s = max(takes.begins_before(closed.number), arrives_s)
+                times_s = reaches_s, closed.begin_s, release.end_s, leaves_s
+                yield Exchange(name, giver, arrives_s, *times_s)
 
     # A body in both hands
 
@@ -328,7 +328,7 @@ class BothArms:
             if now.held is not None
         }
         scenes = [self._timelines[side].bodies.scene for side in LIMBS]
-        for name in sorted(held.intersection(*scenes).difference(self._exchanges)):
+        for name in sorted(held.intersection(*scenes).difference(self.exchanges)):
             holds = [
                 [now.held is not None and now.held[0] == name for now in (hand.before, hand.after)]
                 for hand in hands
@@ -557,6 +557,10 @@ class _Clock:
     def rests_before(self, number: int) -> float:
         """When the step before another one ends."""
         return self._spans[number - 1][1] if number > 0 else 0.0
+
+    def begins_before(self, number: int) -> float:
+        """When the step before another one begins; that one itself if it is the first."""
+        return self._spans[max(number - 1, 0)][0]
 
     def goes_on_after(self, number: int) -> float:
         """When the step after another one begins; infinite after the last one."""

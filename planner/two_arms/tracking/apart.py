@@ -6,45 +6,47 @@ action, until the action is over at the latest; what it holds after it, from whe
 earliest. So states overlap, and every state of one hand is proven with every state of the other
 that may occur at the same time.
 
-A body that is handed over rests between both hands while these act, in the plan. It belongs to
-neither then; each arm's own plan has it there, so states do not overlap beside a handover. On an
-arm that lags, it is where the giver's hand is. From when the taker's hand begins its last move to
-it, and the giver has arrived on the clock, the hands are bounded as in one body that both hold.
-What the taker's other links keep from it is proven for its planned place.
+**A body that is handed over** is held by the giver until that has opened, as by any other hand, and
+by the taker from when that begins to close: each moves it along with its arm, wherever that may be.
+From when the taker reaches for it until it leaves with it, the body and the other hand are an
+intended contact. Until the giver has opened, how far the hands may be off their places to each
+other is bounded instead, as for two hands in one body. After that the taker rests, settled, and the
+giver's own plan has the body where that was to bring it.
 
 **Clocks.** What is sent to both arms at one tick is in force at times that differ by the skew at
 most. Where one arm is on the clock at an instant, the other may be anywhere that it is within that
 much of it. In a box of 14 joints, both arms may be anywhere in their boxes, independently.
 
-**Two hands in one body** cannot be apart. Let d be the displacement of each tip from where it is
-planned at that instant. Seen from one hand, the tip of the other is off by the difference of both,
-and by the chord through which the turn of the first one moves it: 2 sin(angle / 2) times the
-planned distance of the tips. Each d is bounded, in a box of joints, by that of the middle and a
-radius; what is common to both arms cancels out. The turn is at most that of the middle and the sum
-of the half-widths. What this does to the body, or the fingers, is not proven.
+**Two hands in one body** cannot be apart. Let x be where the second tip is planned, seen from the
+first one, at that instant. Where the second tip is off its place seen from the first hand, is where
+it is, less where the first hand carries x. In a box of joints, each of both points is bounded by
+that of the middle and a radius; what is common to both arms cancels out. A turn of the first hand
+counts, as it moves x. What this does to the body, or the fingers, is not proven.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin import Arm
 from baxter_kin.display import clear, millimetres, phrase
 from baxter_kin.fields import frozen
 from baxter_kin.kinematics.arm import LIMBS, other_than
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.tube_proof import JointTube, TubeClearance, TubeProofs
+from planner.completion import state_of
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
 from planner.motion.path_deviation import PathDeviation
 from planner.pick_place.tracked_runs import unclear
-from planner.plan import Grip, GripperAction, Plan
+from planner.plan import Grip, GripperAction, Plan, Step
 from planner.trajectory import Trajectory
-from planner.two_arms.across import Across, Episode, changes_of, episodes_of
+from planner.two_arms.across import Across, BetweenArms, Episode, changes_of, episodes_of
 from planner.two_arms.plan import SAME_TIME_S, TwoArmPlan
 from planner.two_arms.problem import handed_over
 from planner.two_arms.tracking.clocked_arm import SINCE_BEGINNING, Clip, ClockedArm, ClockTube
@@ -100,6 +102,20 @@ class HandsTracking:
         return phrase(self.body), self.failure or f"hands up to {millimetres(self.apart_m)} off"
 
 
+class _Exchange(NamedTuple):
+    """A body that goes from one hand to the other, in times on the clock.
+
+    Attributes:
+        body: its name.
+        begin_s: when the giver has arrived, and the taker reaches for it.
+        leaves_s: when the taker moves on with it.
+    """
+
+    body: str
+    begin_s: float
+    leaves_s: float
+
+
 class _Extent(NamedTuple):
     """When a state of a hand may be there, on the clock, and where its arm is settled meanwhile."""
 
@@ -119,16 +135,16 @@ class BothApart:
     ) -> None:
         """Derive the states of both hands, and when they may be there."""
         self._arms, self._manipulators = arms, manipulators
-        gripped = {side: _gripped(plan.plans[side]) for side in LIMBS}
+        handled = {side: _handled(plan.plans[side]) for side in LIMBS}
         given = {side: handed_over(plan.plans[side]) for side in LIMBS}
-        together = gripped["left"] & gripped["right"]
-        exchanged = given["left"] | given["right"]
-        carried = together - exchanged
+        together = handled["left"] & handled["right"]
+        carried = together - given["left"] - given["right"]
+        self._exchanges = list(_exchanges(plan, given))
         episodes = {
             side: episodes_of(
                 plan.plans[side],
                 manipulators[side],
-                gripped[side] - carried,
+                handled[side] - carried,
                 given[other_than(side)],
             )
             for side in LIMBS
@@ -137,11 +153,13 @@ class BothApart:
         q_others = robot.configuration(dict(plan.start.joints))
         self._across = Across(manipulators, episodes, q_others, 0.0)
         self._extents = {
-            side: list(_extents(plan, side, episodes[side], exchanged, arms[side].clips))
-            for side in LIMBS
+            side: list(_extents(plan, side, episodes[side], arms[side].clips)) for side in LIMBS
         }
-        self._proofs: dict[tuple[int, int], tuple[TubeProofs, Indices]] = {}
-        self._held = [(name, *_held_s(plan, name, arms)) for name in sorted(together)]
+        self._proofs: dict[tuple[int, int], tuple[TubeProofs, BetweenArms]] = {}
+        since_s = {each.body: each.begin_s for each in self._exchanges}
+        self._held = [
+            (name, *_held_s(plan, name, arms, since_s.get(name))) for name in sorted(together)
+        ]
 
     def track(
         self, tubes: Mapping[str, ClockTube], skew_s: float, margin_m: float
@@ -193,62 +211,90 @@ class BothApart:
                 end_s = min(ours.end_s, theirs.end_s + skew_clock_s)
                 if end_s - begin_s <= SAME_TIME_S:
                     continue
-                tube = clock.during(begin_s, end_s, (left, right))
-                proofs, pairs = self._proofs_of((left, right))
-                found = proofs.prove(tube, pairs=pairs, margin_m=margin_m, is_tight=is_tight)
-                yield (max(begin_s, 0.0), end_s), found
+                proofs, checker = self._proofs_of((left, right))
+                for span_s, pairs in self._pairs(checker, (begin_s, end_s)):
+                    tube = clock.during(*span_s, (left, right))
+                    found = proofs.prove(tube, pairs=pairs, margin_m=margin_m, is_tight=is_tight)
+                    yield (max(span_s[0], 0.0), span_s[1]), found
 
-    def _proofs_of(self, at: tuple[int, int]) -> tuple[TubeProofs, Indices]:
+    def _proofs_of(self, at: tuple[int, int]) -> tuple[TubeProofs, BetweenArms]:
         if at not in self._proofs:
             context = self._across.context(at)
-            pairs = np.arange(len(context.checker.checked.pairs))
-            self._proofs[at] = TubeProofs(context.checker, context.q_others), pairs
+            assert isinstance(context.checker, BetweenArms)
+            self._proofs[at] = TubeProofs(context.checker, context.q_others), context.checker
         return self._proofs[at]
+
+    def _pairs(
+        self, checker: BetweenArms, span_s: tuple[float, float]
+    ) -> Iterator[tuple[tuple[float, float], Indices]]:
+        """The pairs to keep apart in each part of a span: all but the body and the other hand."""
+        cuts = {at for each in self._exchanges for at in (each.begin_s, each.leaves_s)}
+        inner = sorted(at for at in cuts if span_s[0] + SAME_TIME_S < at < span_s[1] - SAME_TIME_S)
+        everything = np.arange(len(checker.checked.pairs))
+        for part in pairwise([span_s[0], *inner, span_s[1]]):
+            pairs = everything
+            for each in self._exchanges:
+                if max(part[0], each.begin_s) + SAME_TIME_S < min(part[1], each.leaves_s):
+                    pairs = np.setdiff1d(pairs, checker.in_exchange(each.body))
+            yield part, pairs
 
     def _hands_off(self, tube: JointTube, speed: float) -> tuple[float, float]:
         """The greatest displacement of a tip, seen from the other, m, and its time on the clock."""
         low, high = tube.lowest, tube.highest
         lows, highs = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
-        clock_s = speed * 0.5 * (tube.times_s[:-1] + tube.times_s[1:])
-        off, radii = np.zeros((tube.cells, 3)), np.zeros(tube.cells)
-        apart, turns_rad = np.zeros((tube.cells, 3)), np.zeros(tube.cells)
+        clock_s, boxes, planned = speed * tube.times_s, [], []
         for number, side in enumerate(LIMBS):
             own = slice(7 * number, 7 * number + 7)
             motion, arm = self._arms[side].motion, self._manipulators[side].arm
             q = motion.sample(np.clip(clock_s, 0.0, motion.duration)).q
             rest = PathDeviation(arm, Trajectory.stay(motion.q_start, motion.limits))
-            middles, spread = rest.tips_in_boxes(lows[:, own], highs[:, own])
-            planned, _ = rest.tips_in_boxes(q, q)
-            sign = 1.0 if number else -1.0
-            off, apart = off + sign * (middles - planned), apart + sign * planned
-            radii += spread
-            turns_rad = np.maximum(turns_rad, _turns_rad(arm, q, lows[:, own], highs[:, own]))
-        chords_m = 2.0 * np.sin(turns_rad.clip(max=np.pi) / 2.0) * np.linalg.norm(apart, axis=1)
-        off_m = np.linalg.norm(off, axis=1) + radii + chords_m
+            boxes.append(partial(rest.points_in_boxes, lows[:, own], highs[:, own]))
+            planned.append(arm.T_base_tips(q))
+        off_m = np.zeros(tube.cells)
+        for one, other in ((0, 1), (1, 0)):
+            apart = planned[other][:, :3, 3] - planned[one][:, :3, 3]
+            x = np.einsum("kji,kj->ki", planned[one][:, :3, :3], apart)
+            carried, spread = boxes[one](0.5 * (x[1:] + x[:-1]))
+            tips, tip_spread = boxes[other](np.zeros((tube.cells, 3)))
+            spread += tip_spread + 0.5 * np.linalg.norm(np.diff(x, axis=0), axis=1)
+            off_m = np.maximum(off_m, np.linalg.norm(tips - carried, axis=1) + spread)
         worst = int(off_m.argmax())
         return float(off_m[worst]), float(clock_s[worst])
 
 
-def _turns_rad(arm: Arm, q: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The greatest turns of a tip from where it is at q, in boxes of joints, shape (m,)."""
-    R, R_middle = (arm.T_base_tips(each)[:, :3, :3] for each in (q, 0.5 * (low + high)))
-    cosines = 0.5 * (np.einsum("kij,kij->k", R, R_middle) - 1.0)
-    turns: FloatArray = np.arccos(cosines.clip(-1.0, 1.0)) + 0.5 * (high - low).sum(axis=1)
-    return turns
+def _handled(plan: Plan) -> frozenset[str]:
+    """The bodies that an arm grips, or holds from the beginning."""
+    held = (state_of(step).holding(plan.limb) for step in plan)
+    grips = (step.body for step in plan if isinstance(step, Grip) and step.body is not None)
+    return frozenset([*(each.body for each in held if each is not None), *grips])
 
 
-def _gripped(plan: Plan) -> frozenset[str]:
-    """The bodies that an arm handles."""
-    grips = (step for step in plan if isinstance(step, Grip))
-    return frozenset(grip.body for grip in grips if grip.body is not None)
+def _exchanges(plan: TwoArmPlan, given: Mapping[str, frozenset[str]]) -> Iterator[_Exchange]:
+    """The bodies that one hand hands over to the other."""
+    for giver in LIMBS:
+        steps = {side: plan.steps_of(side) for side in LIMBS}
+        gives, takes = steps[giver], steps[other_than(giver)]
+        for name in sorted(given[giver]):
+            opens = next(k for k, each in enumerate(gives) if _is_of(each.step, name, "OPEN"))
+            closing = (k for k, each in enumerate(takes) if _is_of(each.step, name, "CLOSE"))
+            closes = next(closing, None)
+            if closes is None:
+                raise TaskError(f"the {other_than(giver)} hand does not close on {name}")
+            reaches_s = takes[closes].begin_s
+            if closes and any(of.body == name for of in takes[closes - 1].step.contacts):
+                reaches_s = takes[closes - 1].begin_s
+            arrives_s = gives[opens - 1].end_s if opens else 0.0
+            leaves_s = takes[closes + 1].begin_s if closes + 1 < len(takes) else np.inf
+            yield _Exchange(name, max(reaches_s, arrives_s), leaves_s)
+
+
+def _is_of(step: Step, name: str, action: str) -> bool:
+    """Whether a step is an action of the fingers at a body."""
+    return isinstance(step, Grip) and step.body == name and step.action is GripperAction[action]
 
 
 def _extents(
-    plan: TwoArmPlan,
-    side: str,
-    episodes: Sequence[Episode],
-    exchanged: frozenset[str],
-    clips: Mapping[int, Clip],
+    plan: TwoArmPlan, side: str, episodes: Sequence[Episode], clips: Mapping[int, Clip]
 ) -> Iterator[_Extent]:
     """When each state of a hand may be there."""
     own, begins_s = plan.plans[side], plan.begins_s[side]
@@ -259,9 +305,7 @@ def _extents(
         """Where the arm is settled in an action that states overlap in; None without one."""
         if not 0 <= number < len(episodes) or not episodes[number].is_grip:
             return None
-        step = own.steps[episodes[number].first]
-        is_exchange = isinstance(step, Grip) and step.body in exchanged and _is_handed(own, step)
-        return None if is_exchange else clips[episodes[number].first]
+        return clips[episodes[number].first]
 
     for number, episode in enumerate(episodes):
         before, after = clip_of(number - 1), clip_of(number + 1)
@@ -272,14 +316,6 @@ def _extents(
         begin_s = begins[number] if before is None else min(before.begin_s, begins[number])
         end_s = ends[number] if after is None else max(after.end_s, ends[number])
         yield _Extent(begin_s, end_s, before)
-
-
-def _is_handed(plan: Plan, grip: Grip) -> bool:
-    """Whether an action hands a body over, or takes one from the other hand."""
-    if grip.receiver:
-        return True
-    is_given = grip.body in handed_over(plan)
-    return not is_given and grip.action is GripperAction.CLOSE
 
 
 class _BothClocked:
@@ -346,27 +382,27 @@ def _skewed(bounds: tuple[FloatArray, FloatArray], cells: int) -> tuple[FloatArr
 
 
 def _held_s(
-    plan: TwoArmPlan, name: str, arms: Mapping[str, ClockedArm]
+    plan: TwoArmPlan, name: str, arms: Mapping[str, ClockedArm], since_s: float | None
 ) -> tuple[float, float, dict[str, list[Clip]]]:
-    """When both hands may hold a body, and where each arm is settled meanwhile.
+    """When both hands are in a body, and where each arm is settled meanwhile.
 
-    A body that is handed over counts as held from the taker's last move to it on.
+    Hands that do not close on it hold it from the beginning; those that do not open, to the end.
+
+    Args:
+        plan: the plan.
+        name: of the body.
+        arms: both arms on the clock.
+        since_s: from when one hand reaches for what the other one holds; None where both close on
+            it.
     """
-    is_given = any(name in handed_over(own) for own in plan.plans.values())
     begins, ends, clips = list[float](), list[float](), dict[str, list[Clip]]()
     for side in LIMBS:
-        clips[side], steps = [], plan.steps_of(side)
-        for number, timed in enumerate(steps):
+        clips[side] = []
+        for number, timed in enumerate(plan.steps_of(side)):
             if not isinstance(timed.step, Grip) or timed.step.body != name:
                 continue
             clips[side].append(arms[side].clips[number])
-            before = steps[number - 1] if number else timed
-            if timed.step.action is not GripperAction.CLOSE:
-                ends.append(timed.end_s)
-                if timed.step.receiver:
-                    begins.append(before.end_s)
-            elif not is_given:
-                begins.append(timed.begin_s)
-            elif name not in handed_over(plan.plans[side]):
-                begins.append(before.begin_s)
-    return max(begins, default=0.0), min(ends, default=np.inf), clips
+            is_close = timed.step.action is GripperAction.CLOSE
+            (begins if is_close else ends).append(timed.begin_s if is_close else timed.end_s)
+    begin_s = max(begins, default=0.0) if since_s is None else since_s
+    return begin_s, min(ends, default=np.inf), clips

@@ -10,8 +10,8 @@ The proof does not cover, besides what it says there of one arm:
   that are late by more than `late_s` in total between two gripper actions, unless the minimum lag
   of both arms is zero;
 - actions of fingers that take longer on the clock than `grip_s`, which the executor prevents;
-- bodies in a hand that are elsewhere in it than planned; a body that is handed over is where the
-  giver was planned to have it, so what that is off is left to intended contacts;
+- bodies in a hand that are elsewhere in it than planned: what the hands are off when one takes a
+  body from the other is bounded, but not added to where the body then is;
 - how far one hand turns against the other in a body that both hold.
 """
 

@@ -8,16 +8,22 @@ the clock may pass at any lower rate, as it may wait.
 What a hand holds before an action may be held until the action is over, and what it holds after it
 from when it begins, by an arm that is then as near to its goal as settled joints are. So one arm's
 hand, from one change of it to the next, is compared with all that the other's does within that
-time, and within the skew of both clocks. A body that is handed over belongs to no arm meanwhile.
+time, and within the skew of both clocks.
 
-How far two hands leave their places in one body is bounded by the places of their tips at the
-corners of boxes, and the sag of the lemma of `planner.certificate.boxes`.
+A body that is handed over goes with the giver until its hand is open, and with the receiver from
+when its hand begins to close. From the last step before it closes until it moves on, the body is
+not compared with the other hand, that is with what the last joint moves. Instead, the hands must
+not leave their places in the body, from then on until the giver's is open.
+
+How far two hands leave their places in one body is how far the tip of one is from where the wrist
+of the other carries its planned place. Both points are bounded by their places at the corners of
+boxes, and the sag of the lemma of `planner.certificate.boxes`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -29,9 +35,14 @@ from planner.certificate.boxes import Tube
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Mover, Pair
 from planner.certificate.timeline import Timeline
-from planner.certificate.timeline.both_arms import SAME_TIME_S, BothArms, HandInterval
+from planner.certificate.timeline.both_arms import (
+    BASE_LEVEL,
+    SAME_TIME_S,
+    BothArms,
+    HandInterval,
+)
 from planner.motion.response import Response
-from planner.plan import Grip, GripperAction, Move
+from planner.plan import Grip, Move
 from planner.trajectory import Trajectory
 from planner.two_arms.plan import TwoArmPlan
 from planner.verification.certificate import Check, Worst, greatest, least
@@ -48,9 +59,9 @@ from planner.verification.lag.tubes import (
     TubeDistances,
     path_of,
     tip_sags,
-    tip_turns,
     tips_at,
     tips_off,
+    wrists_at,
 )
 
 APART, HANDS = "tracking: arms apart", "tracking: hands in one body"
@@ -106,7 +117,7 @@ class BothLagging:
     def between(self, both: BothArms) -> Iterator[Check]:
         """The checks of one arm against the other."""
         yield least(self._apart(both), "no time passes").above(0.0, APART, "m")
-        hands = list(self._hands())
+        hands = list(self._hands(both))
         if hands:
             yield greatest(hands, "").at_most(MAX_HANDS_M, HANDS, "m")
 
@@ -116,45 +127,45 @@ class BothLagging:
         distances = TubeDistances(both.robot, both.clusters)
         step_s = self._arms["left"].tube.step_s
         skew = int(np.ceil(self._skew_s / step_s))
-        settled = max(len(arm.tube.low) for arm in self._arms.values()) - 1
+        until = max(len(self.tube_of(side).low) for side in LIMBS) - 1  # when both have settled
         for ours, theirs in product(left, right):
             first = max(ours.first, theirs.first - skew)
-            last = int(min(ours.last, theirs.last + skew, settled))
-            pairs = [
-                Pair(b, a, 0.0, 0.0, 1.0)
-                for a, b in product(ours.movers, theirs.movers)
-                if b.level > a.level
-            ]
-            if first > last or not pairs:
-                continue
-            some = np.arange(first, max(last, first + 1) + 1, dtype=np.intp)
-            tube = _along(ours.at(some), theirs.around(some, skew))
-            near, where = distances.least(pairs, tube), f"{step_s * first:.2f} s"
-            if near is None:
-                yield Worst(0.0, f"from {where} on, not shown, as it needs too many rows")
-                continue
-            when_s = step_s * (first + near.time_s)
-            names = f"{pairs[near.pair].first.name} with {pairs[near.pair].second.name}"
-            yield Worst(near.distance_m, f"{when_s:.2f} s {SINCE_BEGINNING}, {names}")
+            last = int(min(ours.last, theirs.last + skew, until))
+            movers = [(a, b) for a, b in product(ours.movers, theirs.movers) if b.level > a.level]
+            for begin, end, apart in _parts(movers, first, last, both):
+                pairs = [Pair(b, a, 0.0, 0.0, 1.0) for a, b in apart]
+                if not pairs:
+                    continue
+                some = np.arange(begin, max(end, begin + 1) + 1, dtype=np.intp)
+                tube = _along(ours.at(some), theirs.around(some, skew))
+                near, where = distances.least(pairs, tube), f"{step_s * begin:.2f} s"
+                if near is None:
+                    yield Worst(0.0, f"from {where} on, not shown, as it needs too many rows")
+                    continue
+                when_s = step_s * (begin + near.time_s)
+                names = f"{pairs[near.pair].first.name} with {pairs[near.pair].second.name}"
+                yield Worst(near.distance_m, f"{when_s:.2f} s {SINCE_BEGINNING}, {names}")
 
-    def _hands(self) -> Iterator[Worst]:
+    def _hands(self, both: BothArms) -> Iterator[Worst]:
         """How far both hands may leave their places in each body that both hold."""
         held = [self._arms[side].held_s() for side in LIMBS]
         step_s = self._arms["left"].tube.step_s
         skew = int(np.ceil(self._skew_s / step_s))
         for name in sorted(held[0].keys() & held[1].keys()):
-            begin_s = max(of[name][0] for of in held)
-            settled_s = step_s * max(len(arm.tube.low) for arm in self._arms.values())
-            end_s = min(settled_s, *(of[name][1] for of in held))
+            exchange = both.exchanges.get(name)
+            begin_s = exchange.reaches_s if exchange else max(of[name][0] for of in held)
+            until_s = STEP_S * max(len(self.tube_of(side).low) for side in LIMBS)
+            end_s = min(until_s, *(of[name][1] for of in held))
             steps = np.arange(int(begin_s / STEP_S), int(np.ceil(end_s / STEP_S)), dtype=np.intp)
-            tips = [
-                self._arms[side].tips(steps, cells)
-                for side, cells in zip(LIMBS, (0, skew), strict=True)
-            ]
-            off = np.linalg.norm(tips[1].off_m - tips[0].off_m, axis=1)
-            apart = np.linalg.norm(tips[1].planned_m - tips[0].planned_m, axis=1)
-            turns_rad = np.maximum(tips[0].turns_rad, tips[1].turns_rad)
-            off_m = off + tips[0].radii_m + tips[1].radii_m + turns_rad * apart
+            arms = [self._arms[side] for side in LIMBS]
+            boxes = [arm.boxes(steps, cells) for arm, cells in zip(arms, (0, skew), strict=True)]
+            off_m = np.zeros(len(steps))
+            for one, other in ((0, 1), (1, 0)):
+                x, slack_m = _seen_from(arms[one], arms[other], steps)
+                carried, carried_m = arms[one].places(boxes[one], x)
+                tips, tips_m = arms[other].places(boxes[other], None)
+                spread_m = carried_m + tips_m + slack_m
+                off_m = np.maximum(off_m, np.linalg.norm(tips - carried, axis=1) + spread_m)
             worst = int(off_m.argmax())
             yield Worst(float(off_m[worst]), f"{name}, {step_s * steps[worst]:.2f} s")
 
@@ -164,8 +175,8 @@ class _State(NamedTuple):
 
     Attributes:
         movers: links, fingers and bodies.
-        first, last: numbers of the instants between which it may be there; infinite for the last
-            state, which is there until both arms have settled.
+        first, last: numbers of the instants between which it may be there; the last one of the
+            last state is infinite.
         low, high: bounds of the joints at all instants, each of shape (k, 7), rad.
     """
 
@@ -193,22 +204,6 @@ class _Act(NamedTuple):
     q: FloatArray
 
 
-class _Tips(NamedTuple):
-    """A tip around its planned places in k steps of the clock.
-
-    Attributes:
-        planned_m: these places, shape (k, 3), m.
-        off_m: displacements from there to the middle of where it may be, shape (k, 3), m.
-        radii_m: of where it may be around the middle, shape (k,), m.
-        turns_rad: how far it may be turned, as a chord of the unit circle, shape (k,).
-    """
-
-    planned_m: FloatArray
-    off_m: FloatArray
-    radii_m: FloatArray
-    turns_rad: FloatArray
-
-
 class _LaggingArm:
     """One arm on the clock.
 
@@ -229,12 +224,6 @@ class _LaggingArm:
         self._steps, self._begins_s = plan.plans[side].steps, plan.begins_s[side]
         q, now_s, self._motions = plan.plans[side].q_start, 0.0, list[Trajectory]()
         self._acts: dict[int, _Act] = {}
-        self._exchanged = {
-            step.body
-            for own in plan.plans.values()
-            for step in own.steps
-            if isinstance(step, Grip) and step.receiver
-        }
         for number, (step, begin_s) in enumerate(zip(self._steps, self._begins_s, strict=True)):
             if isinstance(step, Grip):
                 self._acts[number] = _Act(begin_s, begin_s + plan.grip_s, step, np.array(q))
@@ -290,44 +279,46 @@ class _LaggingArm:
     def states(self, both: BothArms) -> Iterator[_State]:
         """The states of the hand, in order."""
         intervals = list(both.intervals(self._side))
+        given = [each for each in both.exchanges.values() if each.giver == self._side]
+        taken = [each for each in both.exchanges.values() if each.giver != self._side]
         for number, now in enumerate(intervals):
             before = intervals[number - 1] if number else None
             after = intervals[number + 1] if number + 1 < len(intervals) else None
             begin_s, end_s, act = now.begin_s, now.end_s, None
-            if now.acts and not now.exchanges and before is not None and not before.acts:
+            if now.acts and before is not None and not before.acts:
                 act = self._act_of(now)  # until it is settled, what is before is there
             elif not now.acts:
-                if before is not None and before.acts and not before.exchanges:
+                if before is not None and before.acts:
                     begin_s, act = before.begin_s, self._act_of(before)
-                if after is not None and after.acts and not after.exchanges:
+                if after is not None and after.acts:
                     end_s = after.end_s
+            for each in given:
+                if abs(now.end_s - each.arrives_s) <= SAME_TIME_S:
+                    end_s = max(end_s, each.opened_s)
+            for each in taken:
+                if abs(now.begin_s - each.leaves_s) <= SAME_TIME_S:
+                    begin_s, act = each.closes_s, self._act_at(each.closes_s)
             tube = self._settled(act)
             first, last = self._instants(begin_s, end_s)
-            yield _State(now.movers, first, np.inf if after is None else last, tube.low, tube.high)
+            until = np.inf if after is None else last
+            yield _State(now.movers, first, until, tube.low, tube.high)
 
     def held_s(self) -> dict[str, tuple[float, float]]:
-        """From when to when the hand may hold each body, or is about to take it from the other."""
-        given = {act.grip.body for act in self._acts.values() if act.grip.receiver}
+        """From when to when the hand may hold each body."""
         found: dict[str, tuple[float, float]] = {}
-        for number, act in self._acts.items():
-            name = act.grip.body
-            if name is None:
+        situations = self._timeline.situations
+        for number, now in enumerate(situations):
+            if now.held is None:
                 continue
-            before_s = self._begins_s[number - 1] if number else 0.0
-            if act.grip.action is GripperAction.CLOSE:
-                is_taken = name in self._exchanged and name not in given
-                found[name] = before_s if is_taken else act.begin_s, np.inf
-            else:
-                step = self._steps[number - 1] if number else None
-                since_s = found.get(name, (0.0, np.inf))[0]
-                if act.grip.receiver and isinstance(step, Move):
-                    since_s = before_s + float(step.trajectory.knots_s[-1])
-                found[name] = since_s, act.end_s
+            name, before, act = now.held[0], self._acts.get(number - 1), self._acts.get(number)
+            begin_s = 0.0 if before is None else before.begin_s
+            is_released = act is not None and situations[number + 1].held is None
+            end_s = act.end_s if act is not None and is_released else np.inf
+            found[name] = found[name][0] if name in found else begin_s, end_s
         return found
 
-    def tips(self, steps: Indices, skew: int) -> _Tips:
-        """The tip around its planned place in some steps of the clock."""
-        robot = self._timeline.robot
+    def boxes(self, steps: Indices, skew: int) -> FloatArray:
+        """Bounds of the joints in steps of the clock, settled in actions, shape (k, 2, 7), rad."""
         low, high = self.tube.low, self.tube.high
         for act in self._acts.values():
             tube = self._settled(act)
@@ -336,23 +327,32 @@ class _LaggingArm:
             low, high = low.copy(), high.copy()
             low[some], high[some] = tube.low[some], tube.high[some]
         ends = [_around((low, high), steps + k, skew) for k in (0, 1)]
-        boxes = np.stack(
+        return np.stack(
             [np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])], axis=1
         )
-        q = self._planned(STEP_S * (steps.astype(np.float64) + 0.5))
-        planned = tips_at(robot, q[:, None])[:, 0]
-        middles, radii = np.empty((len(steps), 3)), np.empty(len(steps))
-        for rows in np.array_split(np.arange(len(steps)), 1 + len(steps) // 500):
-            places = tips_at(robot, boxes[rows])
+
+    def places(self, boxes: FloatArray, points: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Where the tip, or a point of the last joint's, may be in boxes: middles, and radii, m."""
+        robot, count = self._timeline.robot, len(boxes)
+        middles, radii = np.empty((count, 3)), np.empty(count)
+        for rows in np.array_split(np.arange(count), 1 + count // 500):
+            own = None if points is None else points[rows]
+            places = tips_at(robot, boxes[rows], own)
             middles[rows] = 0.5 * (places.min(axis=1) + places.max(axis=1))
             off = np.linalg.norm(places - middles[rows][:, None], axis=2).max(axis=1)
-            radii[rows] = off + tip_sags(robot, boxes[rows])
-        turned = tip_turns(robot, q).swapaxes(1, 2) @ tip_turns(robot, boxes.mean(axis=1))
-        chords = np.linalg.norm(turned - np.eye(3), ord=2, axis=(1, 2))
-        turns_rad = chords + 0.5 * (boxes[:, 1] - boxes[:, 0]).sum(axis=1)
-        return _Tips(planned, middles - planned, radii, turns_rad)
+            radii[rows] = off + tip_sags(robot, boxes[rows], own)
+        return middles, radii
 
-    def _planned(self, clock_s: FloatArray) -> FloatArray:
+    def wrists(self, steps: Indices) -> tuple[FloatArray, FloatArray]:
+        """The planned frames of the last joint at the beginnings of steps."""
+        return wrists_at(self._timeline.robot, self.planned(STEP_S * steps.astype(np.float64)))
+
+    def tips(self, steps: Indices) -> FloatArray:
+        """The planned places of the tip at the beginnings of steps, shape (k, 3), m."""
+        q = self.planned(STEP_S * steps.astype(np.float64))
+        return tips_at(self._timeline.robot, q[:, None])[:, 0]
+
+    def planned(self, clock_s: FloatArray) -> FloatArray:
         """Planned positions of the joints at times on the clock, shape (k, 7), rad."""
         ends = np.cumsum([float(motion.knots_s[-1]) for motion in self._motions])
         q = np.empty((len(clock_s), self.tube.low.shape[1]))
@@ -395,6 +395,49 @@ class _LaggingArm:
         """The action in which the hand acts in an interval."""
         middle_s = 0.5 * (interval.begin_s + interval.end_s)
         return next(act for act in self._acts.values() if act.begin_s < middle_s < act.end_s)
+
+    def _act_at(self, begin_s: float) -> _Act:
+        """The action that begins at a time on the clock."""
+        return min(self._acts.values(), key=lambda act: abs(act.begin_s - begin_s))
+
+
+def _parts(
+    movers: Sequence[tuple[Mover, Mover]], first: int, last: int, both: BothArms
+) -> Iterator[tuple[int, int, list[tuple[Mover, Mover]]]]:
+    """What is to be compared in each part of some instants, by the numbers of its ends."""
+    if first > last:
+        return
+    clocks_s = {at for each in both.exchanges.values() for at in (each.reaches_s, each.leaves_s)}
+    cuts = [at / STEP_S for at in sorted(clocks_s) if first < at / STEP_S < last]
+    for begin, end in pairwise([float(first), *cuts, float(last)] if cuts else [first, last]):
+        middle_s = 0.5 * STEP_S * (begin + end)
+        passing = {
+            each.body
+            for each in both.exchanges.values()
+            if each.reaches_s < middle_s < each.leaves_s
+        }
+        apart = [
+            (a, b)
+            for a, b in movers
+            if not (a.name in passing and b.level == 2 * BASE_LEVEL)
+            and not (b.name in passing and a.level == 0)
+        ]
+        yield int(begin), int(np.ceil(end)), apart
+
+
+def _seen_from(
+    one: _LaggingArm, other: _LaggingArm, steps: Indices
+) -> tuple[FloatArray, FloatArray]:
+    """Where the other tip is planned, seen from an arm's last joint: in the middles of steps.
+
+    Also how far it is from there at their ends; shapes (k, 3) and (k,), m.
+    """
+    found = []
+    for at in (steps, steps + 1):
+        R, p = one.wrists(at)
+        found.append(np.einsum("kji,kj->ki", R, other.tips(at) - p))
+    begin, end = found
+    return 0.5 * (begin + end), 0.5 * np.linalg.norm(end - begin, axis=1)
 
 
 def _at(bound: FloatArray, some: Indices) -> FloatArray:

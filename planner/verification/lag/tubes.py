@@ -85,38 +85,35 @@ def tips_off(robot: Robot, boxes: FloatArray, path: FloatArray) -> FloatArray:
     return off_m + tip_sags(robot, boxes)
 
 
-def tip_sags(robot: Robot, boxes: FloatArray) -> FloatArray:
-    """How far the tip may be beyond its places at the corners of boxes, in any direction, (m,)."""
-    rho = float(norm_bound(robot.tip.p.magnitude)) + np.append(
-        np.cumsum(robot.offsets[:0:-1])[::-1], 0
-    )
-    sags: FloatArray = (np.ptp(boxes, axis=1) ** 2 @ rho) / 8.0
+def tip_sags(robot: Robot, boxes: FloatArray, points: FloatArray | None = None) -> FloatArray:
+    """How far the tip may be beyond its places at the corners of boxes, in any direction, (m,).
+
+    Args:
+        robot: the robot.
+        boxes: lowest and highest angles of the joints, shape (m, 2, 7), rad.
+        points: instead of the tip, as of `tips_at`.
+    """
+    reach_m: float | FloatArray = float(norm_bound(robot.tip.p.magnitude))
+    if points is not None:
+        reach_m = np.linalg.norm(points, axis=1)[:, None]
+    rho = reach_m + np.append(np.cumsum(robot.offsets[:0:-1])[::-1], 0)
+    sags: FloatArray = (np.ptp(boxes, axis=1) ** 2 * rho).sum(axis=1) / 8.0
     return sags
 
 
-def tip_turns(robot: Robot, q: FloatArray) -> FloatArray:
-    """Orientations of the tip at configurations, shape (m, 7), but for its own: (m, 3, 3)."""
-    turns = np.broadcast_to(np.eye(3), (len(q), 3, 3))
-    for joint in range(ARM_JOINTS):
-        about = np.zeros((len(q), 3, 3))
-        c, s = np.cos(q[:, joint]), np.sin(q[:, joint])
-        about[:, 0, 0] = about[:, 1, 1] = c
-        about[:, 0, 1], about[:, 1, 0], about[:, 2, 2] = -s, s, 1.0
-        turns = turns @ robot.spans[joint].R.centred()[0] @ about
-    return turns
-
-
-def tips_at(robot: Robot, choices: FloatArray) -> FloatArray:
+def tips_at(robot: Robot, choices: FloatArray, points: FloatArray | None = None) -> FloatArray:
     """Positions of the tip for all combinations of c angles of each joint.
 
     Args:
         robot: the robot.
         choices: the angles, shape (m, c, 7), rad.
+        points: instead of the tip, points seen from the last joint, shape (m, 3), m.
 
     Returns:
         Shape (m, c^7, 3), m.
     """
-    points = np.broadcast_to(robot.tip.p.centred()[0], (len(choices), 1, 3))
+    points = robot.tip.p.centred()[0] if points is None else points[:, None]
+    points = np.broadcast_to(points, (len(choices), 1, 3))
     for joint in range(ARM_JOINTS - 1, -1, -1):
         span, q = robot.spans[joint], choices[:, :, joint, None]
         x, y, z = (points[:, None, :, i] for i in range(3))
@@ -126,3 +123,12 @@ def tips_at(robot: Robot, choices: FloatArray) -> FloatArray:
         )
         points = turned.reshape(len(choices), -1, 3) @ span.R.centred()[0].T + span.p.centred()[0]
     return points
+
+
+def wrists_at(robot: Robot, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Frames of the last joint at angles of shape (m, 7): rotations (m, 3, 3), and (m, 3), m."""
+    at = [
+        tips_at(robot, q[:, None], np.broadcast_to(point, (len(q), 3)))[:, 0]
+        for point in (np.zeros(3), *np.eye(3))
+    ]
+    return np.stack([each - at[0] for each in at[1:]], axis=2), at[0]

@@ -11,11 +11,15 @@ from baxter_kin.validation import FloatArray
 from planner import Grip, Response, TwoArmPlan
 from planner.motion.tracking_tube import SETTLED_RAD
 from planner.pick_place.tracking import START_RAD
+from planner.trajectory import Trajectory
 from tests.planner.two_arms.pairs import SIDES
 
 STEP_S = 4e-3
 TICK_STEPS = 3
 """Set-points come every 12 ms here: a tick, and as late as 2 ms."""
+
+EXACT_STEP_S = 1e-3
+"""Time between two set-points of an arm that follows exactly."""
 
 RAMP_S = 0.2
 """How long the clock takes to slow to rest."""
@@ -133,3 +137,24 @@ def _acted(plan: TwoArmPlan, side: str, acts: list[_Act], clock_s: float) -> int
             return ended
         ended = number
     return ended
+
+
+def exactly_followed(
+    motion: Trajectory, lag_s: float, speed: float, clock_s: FloatArray
+) -> FloatArray:
+    """Positions of an arm of one lag that follows a motion from its start, shape (k, 7), rad.
+
+    Args:
+        motion: on the clock, which goes at an even rate and stands at its end.
+        lag_s: of all joints.
+        speed: of the clock.
+        clock_s: increasing times, shape (k,), s; the clock is taken to go on after its end.
+    """
+    times_s = np.arange(0.0, clock_s[-1] / speed + EXACT_STEP_S, EXACT_STEP_S)
+    aims = motion.sample(np.minimum(speed * times_s, motion.duration)).q
+    y = np.array(aims)
+    remains = np.exp(-EXACT_STEP_S / lag_s) if lag_s else 0.0
+    for number in range(1, len(y)):
+        y[number] = aims[number] + (y[number - 1] - aims[number]) * remains
+    found: FloatArray = y[np.searchsorted(times_s, clock_s / speed).clip(max=len(y) - 1)]
+    return found

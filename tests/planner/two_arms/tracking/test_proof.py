@@ -281,6 +281,95 @@ def test_an_error_of_a_wrist_moves_the_other_hand_as_seen_from_it(
     assert 0.005 < max(displacements_m(manipulators, planned, turned)) <= proof.hands[0].apart_m
 
 
+def sampled_hands_off_m(
+    plan: TwoArmPlan,
+    manipulators: Mapping[str, Manipulator],
+    error: FloatArray,
+    clock_s: FloatArray,
+) -> float:
+    """The greatest of `displacements_m` of joints that are each off by their error, either way."""
+    rng, worst_m = np.random.default_rng(1), 0.0
+    for at_s in clock_s.tolist():
+        planned = {side: plan.motion_of(side).sample(at_s).q for side in SIDES}
+        for _ in range(50):
+            off = {side: error * rng.choice([-1.0, 1.0], 7) for side in SIDES}
+            q = {side: planned[side] + off[side] for side in SIDES}
+            worst_m = max(worst_m, *displacements_m(manipulators, planned, q))
+    return worst_m
+
+
+def part_of(
+    plan: TwoArmPlan, manipulators: Mapping[str, Manipulator], first: int, last: int
+) -> TwoArmPlan:
+    """Some steps of each arm as a plan, from the state before them."""
+    since_s = min(plan.begins_s[side][first] for side in SIDES)
+    states = [state_of(plan.plans[side].steps[first]) for side in SIDES]
+    joints = dict(plan.start.joints)
+    for side, state in zip(SIDES, states, strict=True):
+        names = *manipulators[side].arm.joint_names, *manipulators[side].hand.joint_names
+        joints |= {name: state.joints[name] for name in names}
+    attachments = [each for state in states for each in state.attachments]
+    start = evolve(states[0], joints=joints, attachments=attachments)
+    whole = evolve(plan, start=start)
+    plans = {}
+    for side, state in zip(SIDES, states, strict=True):
+        own = plan.plans[side]
+        steps = tuple(evolve(each, state=None, contacts=()) for each in own.steps[first:last])
+        bare = evolve(own, start=evolve(state, joints=joints), steps=steps)
+        plans[side] = complete(bare, manipulator=alone(whole, side, manipulators[side]))
+    begins_s = {
+        side: tuple(max(at - since_s, 0.0) for at in plan.begins_s[side][first:last])
+        for side in SIDES
+    }
+    return evolve(plan, start=start, plans=plans, begins_s=begins_s)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("first", "last"), [(0, 6), (4, 7), (4, 9)])
+def test_hands_that_hold_a_body_at_first_or_at_last_are_bounded(
+    carried: TwoArmPlan, manipulators: Mapping[str, Manipulator], first: int, last: int
+) -> None:
+    """Without the action in which they take it, or release it, or both.
+
+    The checker certifies no plan in which a hand holds something at first.
+    """
+    plan, error = part_of(carried, manipulators, first, last), np.full(7, 1e-3)
+    exact = Response((0.0, 0.0), error, 0.05, late_s=0.0)
+    proof = prove_tracking_of_both(
+        plan, exact, manipulators=manipulators, seek_speed=False, start_rad=0.0
+    )
+    move = plan.steps_of("left")[-1 if last < 7 else 0]
+    clock_s = np.linspace(move.begin_s, move.end_s, 5)
+    worst_m = sampled_hands_off_m(plan, manipulators, error, clock_s)
+    assert [each.body for each in proof.hands] == ["bar"]
+    assert 0.001 < worst_m <= proof.hands[0].apart_m
+    certificate = verify_both(plan, response=exact)
+    assert certificate.is_valid == (first == 0)
+    stated = [check.value for check in certificate.checks if check.name == HANDS]
+    assert len(stated) == (first == 0)
+    assert all(worst_m <= value for value in stated)
+
+
+@pytest.mark.slow
+def test_a_turn_of_one_hand_counts_by_the_distance_of_the_other(
+    carried: TwoArmPlan, manipulators: Mapping[str, Manipulator]
+) -> None:
+    """Wrists that are off by 30 mrad turn the hands about their tips, which are 0.4 m apart."""
+    error = np.array([5e-4] * 6 + [0.03])
+    turning = Response((0.0, 0.0), error, 0.05, late_s=0.0)
+    proof = prove_tracking_of_both(
+        carried, turning, manipulators=manipulators, seek_speed=False, start_rad=0.0, skew_s=0.0
+    )
+    certificate = verify_both(carried, response=turning, skew_s=0.0)
+    (hands,) = (check for check in certificate.checks if check.name == HANDS)
+    grips = [each for each in carried.steps if isinstance(each.step, Grip) and each.step.body]
+    clock_s = np.linspace(grips[0].end_s, grips[-1].begin_s, 40)
+    worst_m = sampled_hands_off_m(carried, manipulators, error, clock_s)
+    assert worst_m > 0.01
+    assert worst_m <= proof.hands[0].apart_m < 1.5 * worst_m
+    assert worst_m <= hands.value < 1.5 * worst_m
+
+
 @pytest.mark.slow
 def test_a_handover_bounds_how_far_both_hands_are_off(
     handover_plan: TwoArmPlan, manipulators: Mapping[str, Manipulator]
