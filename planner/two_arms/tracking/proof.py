@@ -39,6 +39,7 @@ from planner.pick_place.tracking import (
     not_negative,
     proof_of,
 )
+from planner.plan import Grip
 from planner.two_arms.plan import TwoArmPlan
 from planner.two_arms.tracking.apart import ApartTracking, BothApart, HandsTracking
 from planner.two_arms.tracking.clocked_arm import ClockTube, arms_of, waits_of
@@ -138,7 +139,8 @@ def prove_tracking_of_both(
         skew_s: maximum difference of the times at which both arms are on the common clock, up to
             `MAX_SKEW_S`.
         slowing_s: by how much the common clock passes at most while it slows to rest for a gripper,
-            or begins again; up to the plan's `grip_s`, which it is when not given.
+            or begins again; above zero, as no clock stops at once, and up to the plan's `grip_s`,
+            which it is when not given.
         margin_m: distance that every pair keeps wherever the joints may be, between the arms as
             well, except for intended contacts; not negative.
         most_off_m: maximum deviation of a hand from its path in moves with intended contacts.
@@ -296,9 +298,10 @@ def checked_skew_s(skew_s: float) -> float:
 
 def checked_slowing_s(slowing_s: float | None, plan: TwoArmPlan) -> float:
     """By how much the clock passes at most while it slows to rest, or begins again."""
-    if slowing_s is None:
-        return plan.grip_s
-    return float(finite_scalar(slowing_s, "slowing_s", ResponseError, least=0.0, most=plan.grip_s))
+    if not any(isinstance(each.step, Grip) for each in plan.steps) and slowing_s is None:
+        return 0.0
+    given_s = plan.grip_s if slowing_s is None else slowing_s
+    return float(finite_scalar(given_s, "slowing_s", ResponseError, above=0.0, most=plan.grip_s))
 
 
 def checked_responses(response: Response | Mapping[str, Response]) -> dict[str, Response]:

@@ -474,6 +474,14 @@ REFUSALS: dict[str, tuple[Callable[[TwoArmPlan], object], type[BaxterError]]] = 
         lambda plan: prove_tracking_of_both(plan, TYPICAL, skew_s=-0.1),
         ResponseError,
     ),
+    "a clock that stops at once": (
+        lambda plan: prove_tracking_of_both(plan, TYPICAL, slowing_s=0.0),
+        ResponseError,
+    ),
+    "a clock that stops at once, for the checker": (
+        lambda plan: verify_both(plan, response=TYPICAL, slowing_s=0.0),
+        ResponseError,
+    ),
     "a skew that is a word": (
         lambda plan: verify_both(plan, response=TYPICAL, skew_s="none"),  # type: ignore[arg-type]
         ResponseError,
