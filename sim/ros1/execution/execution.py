@@ -29,6 +29,7 @@ from planner import Grip, GripperAction, Move, Plan, TwoArmPlan
 from planner.completion import state_of
 from planner.motion.response import TICK_S
 from planner.motion.tracking_tube import SETTLED_RAD
+from planner.two_arms.tracking.clocked_arm import waits_of
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer, Sample
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
@@ -52,6 +53,7 @@ from sim.ros1.execution.set_points import (
     SetPoint,
     parts_of,
     slowed,
+    slowing_s_for,
 )
 from sim.ros1.execution.stops import Stop, StopCause, Watch
 from sim.ros1.execution.twin import Twin
@@ -716,6 +718,9 @@ class TwoArmExecution(Execution):
     before the action's time is over, and goes on when it is done. So no gripper action takes
     longer on the clock than the proof assumes, and each arm stays on its path.
 
+    Where the arms are proven for a lag, set-points that are later than the proof assumes stop both;
+    all time for which the clock stood still since it last waited counts.
+
     Whatever stops one arm stops both. Where both still follow their paths
     (`StopCause.keeps_paths`), the clock slows to rest, and they hold where it rests; else they hold
     where they are measured.
@@ -737,8 +742,10 @@ class TwoArmExecution(Execution):
 
     def _steps(self) -> Stop | None:
         ready = self._ready
+        speed = self._options.pace.speed
+        waits = waits_of(ready.plan, slowing_s_for(ready.ramp_s, speed))
         self._clock = clock = CommonClock(
-            time.monotonic(), ready.plan.duration_s, self._options.pace.speed, ready.ramp_s
+            time.monotonic(), ready.plan.duration_s, speed, ready.ramp_s, waits
         )
         while True:
             now_s = self._wait()
@@ -787,6 +794,13 @@ class TwoArmExecution(Execution):
     ) -> Stop | None:
         """As of one arm, and both arms must be far enough from each other."""
         return super()._step(now_s, points, is_ending=is_ending) or self._arms_stop()
+
+    def _own_stop(self, now_s: float, is_ending: bool) -> Stop | None:
+        """As of one arm, and set-points must not be later than the proof assumes."""
+        stop, bound_s = super()._own_stop(now_s, is_ending), self._ready.max_late_s
+        if stop is not None or is_ending or self._clock is None or self._clock.late_s <= bound_s:
+            return stop
+        return Stop(StopCause.TOO_LATE, value=self._clock.late_s, bound=bound_s)
 
     def _arms_stop(self) -> Stop | None:
         guards = [track.guard for track in self._tracks if track.guard is not None]

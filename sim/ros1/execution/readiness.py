@@ -15,6 +15,7 @@ certificate's.
 from __future__ import annotations
 
 import logging
+import math
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -228,12 +229,15 @@ class ReadyTwoArmPlan(OneLine):
         arms: "left" and "right": each arm's own plan, ready in a world without the other arm.
         apart_m: proven distance of both arms, with what they handle, at every instant of the clock.
         ramp_s: how long the clock takes to slow to rest.
+        max_late_s: how late set-points may be in total between two waits of the clock, as the
+            tracking proof assumes; infinite without one.
     """
 
     plan: TwoArmPlan
     arms: Mapping[str, ReadyPlan]
     apart_m: float
     ramp_s: float
+    max_late_s: float = math.inf
 
     @property
     def options(self) -> ExecutionOptions:
@@ -728,7 +732,9 @@ class _TwoArmCheck(_Check):
         proof = self._tracking(plan, robot, ramp_s, holds_together=bool(certificate.checks))
         if proof is not None:
             arms = {side: _with_tracking(arms[side], proof.arms[side]) for side in LIMBS}
-        return ReadyTwoArmPlan(plan, arms, certificate.clearance_m, ramp_s)
+        late_s = [arm.response.late_s for arm in proof.arms.values()] if proof else []
+        max_late_s = min(late_s, default=math.inf)
+        return ReadyTwoArmPlan(plan, arms, certificate.clearance_m, ramp_s, max_late_s)
 
     def _tracking(
         self, plan: TwoArmPlan, robot: Baxter, ramp_s: float, *, holds_together: bool

@@ -211,19 +211,25 @@ class PlanTime:
 
     Attributes:
         motion_s: so far, as the motion is sent; times the speed it is plan time.
+        stood_s: time for which it stood still, in total.
+        late_s: by how much the last set-point before the tick that has come was late just then,
+            relative to an even stream: what the tick was late, and `stood_s` before it.
     """
 
     def __init__(self, now_s: float, tick_s: float = TICK_S) -> None:
         """Begin at zero."""
         self._tick_s, self._last_s, self.motion_s = tick_s, now_s, 0.0
+        self.stood_s = self.late_s = 0.0
 
     def advance(self, now_s: float) -> float:
         """Advance to the tick that has come; returns `motion_s`."""
         passed_s = max(0.0, now_s - self._last_s)
         self._last_s = max(now_s, self._last_s)
-        if passed_s > self._tick_s + MAX_LATENESS_S:
-            passed_s = self._tick_s
-        self.motion_s += min(passed_s, MAX_STEP_TICKS * self._tick_s)
+        self.late_s = self.stood_s + max(0.0, passed_s - self._tick_s)
+        is_long = passed_s > self._tick_s + MAX_LATENESS_S
+        advance_s = self._tick_s if is_long else min(passed_s, MAX_STEP_TICKS * self._tick_s)
+        self.motion_s += advance_s
+        self.stood_s += passed_s - advance_s
         return self.motion_s
 
 
@@ -277,9 +283,18 @@ class CommonClock:
     Attributes:
         time_s: time on the clock, from 0 to the plan's end.
         rate: 1 at full speed, 0 at rest.
+        late_s: how late set-points are by now, since the clock last might wait: `PlanTime.late_s`,
+            with what it stood still since then.
     """
 
-    def __init__(self, now_s: float, end_s: float, speed: float, ramp_s: float) -> None:
+    def __init__(
+        self,
+        now_s: float,
+        end_s: float,
+        speed: float,
+        ramp_s: float,
+        waits: Sequence[tuple[float, float]] = (),
+    ) -> None:
         """Begin at zero and at full speed.
 
         Args:
@@ -287,7 +302,10 @@ class CommonClock:
             end_s: where the clock ends.
             speed: of the clock to time, in (0, 1].
             ramp_s: how long the rate takes from one to zero, and back.
+            waits: intervals of it in which it may wait, so that it may stand still as long as it
+                likes.
         """
+        self._waits, self._covered_s, self.late_s = tuple(waits), 0.0, 0.0
         self._passed, self._end_s, self._speed, self._ramp_s = PlanTime(now_s), end_s, speed, ramp_s
         self.time_s, self.rate = 0.0, 1.0
         self._share, self._awaited_s = 1.0, math.inf
@@ -313,6 +331,10 @@ class CommonClock:
         """
         before_s = self._passed.motion_s
         passed_s = self._passed.advance(now_s) - before_s
+        if self.is_over or self._may_wait():
+            self._covered_s, self.late_s = self._passed.stood_s, 0.0
+        else:
+            self.late_s = self._passed.late_s - self._covered_s
         if due_s - self.time_s <= self.stopping_s + self._speed * RESERVE_S:
             self._awaited_s = due_s
         is_slowing = is_ending or (due_s < math.inf and due_s == self._awaited_s)
@@ -324,6 +346,9 @@ class CommonClock:
         moved_s += self.rate * (passed_s - in_ramp_s)
         self.time_s = min(self.time_s + self._speed * moved_s, due_s, self._end_s)
         return self.time_s
+
+    def _may_wait(self) -> bool:
+        return any(begin_s <= self.time_s <= end_s for begin_s, end_s in self._waits)
 
 
 def _rate(share: float) -> float:

@@ -53,6 +53,7 @@ class StopCause(str, Enum):
     GRIPPER_MISSED = "gripper missed"
     GRIPPER_SILENT = "gripper does not answer"
     NOT_SETTLED = "not settled"
+    TOO_LATE = "set-points too late"
     TIME_OUT = "time-out"
     NODE_ENDED = "node ended"
     OBSERVER_FAILED = "observer failed"
@@ -76,6 +77,7 @@ class StopCause(str, Enum):
         return self in (
             StopCause.GRIPPER_MISSED,
             StopCause.GRIPPER_SILENT,
+            StopCause.TOO_LATE,
             StopCause.TIME_OUT,
             StopCause.OBSERVER_FAILED,
             StopCause.SIGINT,
@@ -158,6 +160,9 @@ _TEXTS: Mapping[StopCause, str] = FrozenMapping(
         "{detail}",
         StopCause.NOT_SETTLED: "{subject} is still {value:.4f} rad off after {bound:.3g} s; "
         "{detail}",
+        StopCause.TOO_LATE: "set-points are {value_ms} ms late in total since the clock last "
+        "waited, and the proof assumes {bound_ms} ms; relieve this machine, or state a greater "
+        "`late_s`",
         StopCause.TIME_OUT: "the time-out of {bound:g} s is over",
         StopCause.NODE_ENDED: "this node had to end: {detail}",
         StopCause.OBSERVER_FAILED: "what watches or records failed: {detail}",

@@ -236,3 +236,25 @@ def test_a_ramp_at_any_time_keeps_accelerations_within_limits(plan: Plan, speed:
 
 def test_a_plan_at_its_limits_cannot_be_slowed_within_them(plan: Plan) -> None:
     assert ramp_s_for([move.trajectory for move in plan.moves], 1.0) > 10.0
+
+
+@given(DELAYS_S, st.integers(0, 40))
+def test_a_clock_counts_how_late_set_points_are_since_it_last_might_wait(
+    delays_s: list[float], waits_until: int
+) -> None:
+    """Compared with when the set-point that stands was due, and the next one, in an even stream."""
+    wait_s = CLOCK_SPEED * TICK_S * waits_until
+    schedule = Schedule(0.0)
+    clock = CommonClock(0.0, CLOCK_END_S, CLOCK_SPEED, 0.4, [(0.0, wait_s)])
+    now_s, even_s = 0.0, 0.0
+    for delay_s in delays_s:
+        sent_s, before_s = now_s, clock.time_s
+        now_s = max(now_s, schedule.due_s) + delay_s
+        schedule.advance(now_s)
+        clock.advance(now_s)
+        if before_s <= wait_s or before_s >= CLOCK_END_S:
+            assert clock.late_s == 0.0
+            even_s = now_s - clock.time_s / CLOCK_SPEED  # as if the stream had begun then
+        else:
+            late_s = max(now_s - TICK_S, sent_s) - (even_s + before_s / CLOCK_SPEED)
+            assert clock.late_s == pytest.approx(late_s, abs=ROUNDING_S)

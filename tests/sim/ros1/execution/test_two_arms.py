@@ -314,6 +314,24 @@ def test_arms_that_may_be_too_near_to_each_other_are_stopped(
     assert outcome.stop.bound == pytest.approx(0.002)
 
 
+@pytest.mark.parametrize("max_late_s", [np.inf, 0.3, 0.02])
+def test_a_stream_that_stood_still_longer_than_is_proven_stops_both(
+    both: Network, both_ready: ReadyTwoArmPlan, max_late_s: float
+) -> None:
+    """The executor is not scheduled for 0.2 s while both arms move."""
+    begin_s = both.bus.clock.now_s
+    both.when(lambda: both.bus.clock.now_s > begin_s + 1.8, lambda: both.bus.clock.sleep(0.2))
+    outcome = both.executor().execute(evolve(both_ready, max_late_s=max_late_s))
+    if max_late_s > 0.2:
+        assert outcome.is_success, outcome.failure
+        return
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.TOO_LATE, outcome.failure
+    assert 0.18 < outcome.stop.value < 0.22
+    assert_rest(both)
+    assert_on_paths(both, both_ready)
+
+
 @dataclass(frozen=True)
 class Refusal:
     """What is refused before anything is sent, by which finding, in which words."""
@@ -359,6 +377,8 @@ def test_a_known_lag_is_proven_and_bounds_how_far_joints_may_be_off(
         ):
             assert each.max_off_rad < unknown.max_off_rad
     assert found.ready.apart_m == both_ready.apart_m
+    assert found.ready.max_late_s == known["left"].late_s
+    assert both_ready.max_late_s == np.inf
 
 
 @pytest.mark.slow
