@@ -12,7 +12,8 @@ The proof does not cover, besides what it says there of one arm:
 - actions of fingers that take longer on the clock than `grip_s`, which the executor prevents;
 - bodies in a hand that are elsewhere in it than planned: what the hands are off when one takes a
   body from the other is bounded, but not added to where the body then is;
-- how far one hand turns against the other in a body that both hold.
+- what the body, or the fingers, bear of how far hands are off in a body that both hold;
+- where an arm's own world has bodies that an arm that lags took or put down.
 """
 
 from __future__ import annotations
