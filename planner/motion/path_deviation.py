@@ -68,6 +68,15 @@ CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
 
 CORNERS.setflags(write=False)
 
+FIRST, SECOND = np.triu_indices(7, 1)
+"""Numbers of the joints of each of the 21 pairs."""
+
+HALF = CORNERS[: len(CORNERS) // 2].T
+"""Signs of one of each two opposite corners, shape (7, 64)."""
+
+PAIRS_OF_HALF = HALF[FIRST] * HALF[SECOND]
+"""Products of the signs of each pair of joints at these corners, shape (21, 64)."""
+
 TIP = np.zeros((1, 3))
 """The tip alone, in its own frame, shape (1, 3), m."""
 
@@ -115,9 +124,9 @@ class PathDeviation:
 
     def in_tube(self, tube: JointTube) -> FloatArray:
         """Bounds in each cell of a tube, shape (cells,), m; equal in groups of cells."""
-        starts = range(0, tube.cells, CELLS_PER_GROUP)
-        boxes = [tube.hull(first, min(first + CELLS_PER_GROUP, tube.cells)) for first in starts]
-        lows, highs = (np.array(corners) for corners in zip(*boxes, strict=True))
+        first = np.arange(0, tube.cells, CELLS_PER_GROUP)
+        instants = np.minimum(first[:, None] + np.arange(CELLS_PER_GROUP + 1), tube.cells)
+        lows, highs = tube.lowest[instants].min(axis=1), tube.highest[instants].max(axis=1)
         return np.repeat(self.in_boxes(lows, highs), CELLS_PER_GROUP)[: tube.cells]
 
     def in_boxes(self, lows: FloatArray, highs: FloatArray) -> FloatArray:
@@ -199,10 +208,13 @@ class PathDeviation:
         share = np.minimum(1.0, free / np.maximum(fraction_range, MIN_FRACTION_RANGE))
         at_centre = p - begin - f[:, None, None] * chord
         slopes = J - (share[:, None] * rises)[:, None, :, None] * chord[:, :, None]
-        at_corners = slopes.transpose(0, 3, 1, 2) @ CORNERS.T  # x of all points and corners first
-        at_corners += at_centre.transpose(0, 2, 1)[..., None]
-        at_corners *= at_corners
-        farthest: FloatArray = np.sqrt(at_corners.sum(axis=1).max(axis=(1, 2)))
+        # |d + S x|^2 at two opposite corners x: |d|^2 + |S x|^2 + 2 |d S x| is the greater one
+        products = slopes @ slopes.swapaxes(2, 3)  # of the changes by two joints
+        of_pairs = products[..., FIRST, SECOND] @ PAIRS_OF_HALF
+        with_centre = (slopes @ at_centre[..., None])[..., 0] @ HALF
+        at_corners = (of_pairs + np.abs(with_centre)).max(axis=2)
+        own = np.einsum("mpx,mpx->mp", at_centre, at_centre) + np.einsum("mpjj->mp", products)
+        farthest: FloatArray = np.sqrt((own + 2.0 * at_corners).max(axis=1))
         return farthest + self._bent(nearest, half_span)
 
     def _chords(

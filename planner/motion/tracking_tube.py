@@ -118,8 +118,9 @@ def tracking_tube(
     highest_sent, lowest_sent = _sent(trajectory, response, cell_s, halts)
     may_halt = _in_any(halts, _instants(len(highest_sent), CELL_S), CELL_S)
     lag_s = response.lag_s
-    high = _followed(start[1], highest_sent, lag_s, cell_s, may_halt)
-    low = -_followed(-start[0], -lowest_sent, lag_s, cell_s, may_halt)
+    starts, sent = np.array([start[1], -start[0]]), np.stack([highest_sent, -lowest_sent], axis=1)
+    bounds = _followed(starts, sent, lag_s, cell_s, may_halt)
+    high, low = bounds[:, 0], -bounds[:, 1]
     rest = _Rest(low[-1], high[-1], trajectory.q_goal, response)
     after_s: FloatArray = cell_s * np.arange(1.0, rest.cells(cell_s) + 1)
     low_rest, high_rest = rest.at(after_s)
@@ -190,17 +191,17 @@ def _followed(
     cell_s: float,
     may_halt: NDArray[np.bool_],
 ) -> FloatArray:
-    """The upper bound at the ends of all cells, shape (m + 1, 7).
+    """Upper bounds of k joint vectors at the ends of all cells, shape (m + 1, k, 7).
 
     Args:
-        start: at the first one, shape (7,).
-        sent: upper bounds on set-points in each cell, shape (m, 7).
+        start: at the first one, shape (k, 7).
+        sent: upper bounds on set-points in each cell, shape (m, k, 7).
         lag_s: minimum and maximum, shape (7, 2).
         cell_s: duration of a cell.
         may_halt: whether the stream may halt in each cell, shape (m,).
     """
     rising, falling = remaining_share(cell_s, lag_s[:, 0]), remaining_share(cell_s, lag_s[:, 1])
-    bounds = np.empty((len(sent) + 1, sent.shape[1]))
+    bounds = np.empty((len(sent) + 1, *start.shape))
     bounds[0] = bound = np.array(start)
     for number, (aim, halts) in enumerate(zip(sent, may_halt.tolist(), strict=True)):
         off = bound - aim

@@ -98,7 +98,7 @@ def simulated(
     y = np.empty((len(start), plan_s.shape[1] + 1, 7))
     y[:, 0] = start
     for step in range(plan_s.shape[1]):
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):  # a lag of next to nothing
             left = np.exp(-STEP_S / lag_s[:, step])
         y[:, step + 1] = sent[:, step] + (y[:, step] - sent[:, step]) * left
     return y
