@@ -145,8 +145,12 @@ def test_a_scheduler_that_dies_ends_the_run(
 
 
 def test_a_run_waits_for_new_workers_but_not_for_ever(
-    scheduler: str, add_worker: AddWorker, caplog: pytest.LogCaptureFixture
+    scheduler: str,
+    add_worker: AddWorker,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(dask_cluster, "FETCHES_S", (0.5, 1.0))  # of an answer lost with its worker
     with pytest.raises(EngineError, match="has no worker; start one: dask worker tcp://127"):
         DaskCluster(scheduler)
     first = add_worker()
