@@ -5,12 +5,20 @@ from __future__ import annotations
 import pytest
 
 from baxter_kin import Baxter
-from planner import Manipulator, TwoArmPlan, plan_handover, plan_together
+from planner import (
+    Manipulator,
+    TwoArmCertificate,
+    TwoArmPlan,
+    plan_handover,
+    plan_together,
+    verify_both,
+)
 from tests.planner.two_arms.pairs import (
     SIDES,
     HandoverCase,
     PairOfTasks,
     handover_of_stick,
+    one_move_each,
     pair,
 )
 
@@ -43,6 +51,23 @@ def plain_plan(plain: PairOfTasks) -> TwoArmPlan:
 def crossing_plan(crossing: PairOfTasks) -> TwoArmPlan:
     """It takes about ten seconds: each round is a motion program of both arms."""
     return plan_together(*crossing.arguments)
+
+
+@pytest.fixture(scope="session")
+def plain_certificate(plain_plan: TwoArmPlan) -> TwoArmCertificate:
+    return verify_both(plain_plan)
+
+
+@pytest.fixture(scope="session")
+def crossing_certificate(crossing_plan: TwoArmPlan) -> TwoArmCertificate:
+    return verify_both(crossing_plan)
+
+
+@pytest.fixture(scope="session")
+def parting_plan(plain_plan: TwoArmPlan, manipulators: dict[str, Manipulator]) -> TwoArmPlan:
+    """Each arm makes one short move away from the other one."""
+    turns = {"left": (0.0, 0.1), "right": (0.0, -0.1)}
+    return one_move_each(plain_plan, manipulators, turns)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, pose_from_quaternion
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import (
     Body,
@@ -21,13 +22,16 @@ from planner import (
     Move,
     Part,
     PickAndPlace,
+    Plan,
     Scene,
     State,
     TwoArmPlan,
     load_object,
+    plan_start_move,
 )
 from planner.collision.robot.robot_shapes import RobotShapes
-from planner.completion import after, state_of
+from planner.completion import after, complete, state_of
+from planner.two_arms.tracking.clocked_arm import alone
 from tests.conftest import at
 
 SIDES = "left", "right"
@@ -75,6 +79,38 @@ def pair(
     tasks = {side: carry(side, *spots) for side, spots in ends.items()}
     scene = Scene.of([load_object("table", at(1.0, 0.0, -0.93)), *bodies])
     return PairOfTasks(tasks, dict(manipulators), started(manipulators, scene))
+
+
+def one_move_each(
+    plan: TwoArmPlan,
+    manipulators: Mapping[str, Manipulator],
+    turns: Mapping[str, tuple[float, float]],
+) -> TwoArmPlan:
+    """A move of each arm at the same time, without bodies that move; its proof is another plan's.
+
+    Args:
+        plan: where the arms start, and what stands around them.
+        manipulators: of both arms.
+        turns: of the first joint of each arm from there, at the start and at the goal, rad.
+    """
+    joints = dict(plan.start.joints)
+    ends = {
+        side: [plan.plans[side].q_start + turn * np.eye(7)[0] for turn in turns[side]]
+        for side in SIDES
+    }
+    for side in SIDES:
+        joints |= manipulators[side].arm.joints(ends[side][0])
+    scene = Scene.of(body for body in plan.start.scene if not body.is_movable)
+    there = evolve(plan, start=State(scene, joints))
+    plans = {}
+    for side in SIDES:
+        manipulator = alone(there, side, manipulators[side])
+        way = plan_start_move(manipulator, scene, *ends[side])
+        assert way.failure is None, way.failure
+        step = evolve(way.moves[0], label="go", state=None, contacts=())
+        bare = Plan(there.start, (step,), robot=manipulator.identity)
+        plans[side] = complete(bare, manipulator=manipulator)
+    return evolve(there, plans=plans, begins_s=dict.fromkeys(SIDES, (0.0,)))
 
 
 class HandoverCase(NamedTuple):
@@ -145,7 +181,7 @@ class Measured:
         return any(
             _near(one, other, within_m)
             for one, other in product(placed["left"], placed["right"])
-            if one[2] or other[2]
+            if one.is_link or other.is_link
         )
 
     def _at(self, side: str, time_s: float, share: float) -> tuple[dict[str, float], list[Body]]:
@@ -174,37 +210,42 @@ class Measured:
                 bodies.append(begin.scene[name].at(pin.SE3.Interpolate(T, T_end, share)))
         return joints | hand.finger_joints(opening_m), bodies
 
-    def _shapes(
-        self, side: str, bodies: list[Body]
-    ) -> Iterator[tuple[coal.CollisionGeometry, coal.Transform3s, bool]]:
-        """Shapes, their poses, and whether each is a link, not a body."""
+    def _shapes(self, side: str, bodies: list[Body]) -> Iterator[_Placed]:
         for number in self._links[side]:
             shape = self._geometry[number]
             T = self._data.oMi[shape.parentJoint] * shape.placement
-            yield shape.geometry, coal.Transform3s(T.rotation, T.translation), True
+            yield _Placed.at(shape.geometry, T, is_link=True)
         for body in bodies:
-            T = body.T_base_body
-            yield coal.Box(*(SIZE_M,) * 3), coal.Transform3s(T.rotation, T.translation), False
+            yield _Placed.at(coal.Box(*(SIZE_M,) * 3), body.T_base_body, is_link=False)
 
 
-def _near(
-    one: tuple[coal.CollisionGeometry, coal.Transform3s, bool],
-    other: tuple[coal.CollisionGeometry, coal.Transform3s, bool],
-    within_m: float,
-) -> bool:
-    boxes = [_box(*each[:2]) for each in (one, other)]
-    apart = np.maximum(boxes[0][0] - boxes[1][1], boxes[1][0] - boxes[0][1])
-    if apart.max() > within_m:
+class _Placed(NamedTuple):
+    """A shape at a pose.
+
+    Attributes:
+        low: lower corner of an axis-aligned box around it, in base, m.
+        high: its upper corner.
+        is_link: whether it is a link, not a body.
+    """
+
+    shape: coal.CollisionGeometry
+    T: coal.Transform3s
+    low: FloatArray
+    high: FloatArray
+    is_link: bool
+
+    @classmethod
+    def at(cls, shape: coal.CollisionGeometry, T: pin.SE3, *, is_link: bool) -> _Placed:
+        shape.computeLocalAABB()
+        low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
+        middle, reach = T.act((low + high) / 2), np.abs(T.rotation) @ ((high - low) / 2)
+        pose = coal.Transform3s(T.rotation, T.translation)
+        return cls(shape, pose, middle - reach, middle + reach, is_link)
+
+
+def _near(one: _Placed, other: _Placed, within_m: float) -> bool:
+    if np.maximum(one.low - other.high, other.low - one.high).max() > within_m:
         return False
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     request.security_margin = within_m
-    return bool(coal.collide(one[0], one[1], other[0], other[1], request, result))
-
-
-def _box(geometry: coal.CollisionGeometry, T: coal.Transform3s) -> tuple[FloatArray, FloatArray]:
-    """An axis-aligned box around a shape, in base."""
-    geometry.computeLocalAABB()
-    low, high = np.array(geometry.aabb_local.min_), np.array(geometry.aabb_local.max_)
-    R, p = np.array(T.getRotation()), np.array(T.getTranslation())
-    middle, reach = R @ ((low + high) / 2) + p, np.abs(R) @ ((high - low) / 2)
-    return middle - reach, middle + reach
+    return bool(coal.collide(one.shape, one.T, other.shape, other.T, request, result))
