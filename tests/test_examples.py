@@ -113,6 +113,7 @@ def test_the_replay_is_one_whole_page(runs: Callable[[str], Run]) -> None:
     assert page.read_text().rstrip().endswith("</html>")
 
 
+@pytest.mark.slow
 def test_the_block_visits_the_three_poses(runs: Callable[[str], Run]) -> None:
     recording = runs("three_poses").recording
     path = recording.body_poses["block"][:, :3]

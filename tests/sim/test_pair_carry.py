@@ -41,7 +41,7 @@ class Run:
         return self.recorder.recording()
 
 
-@pytest.fixture(scope="module", params=["bar", "tray"])
+@pytest.fixture(scope="module", params=["bar", pytest.param("tray", marks=pytest.mark.slow)])
 def run(request: pytest.FixtureRequest, robot: Baxter) -> Run:
     manipulators = {side: Manipulator.of(robot, side) for side in LIMBS}
     task, state = getattr(carries, request.param)(manipulators)

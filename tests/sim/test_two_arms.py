@@ -78,14 +78,22 @@ def executed(robot: Baxter, start: State, both: TwoArmPlan) -> tuple[Both, Outco
 
 
 @pytest.fixture(scope="module")
+def certificate(both: TwoArmPlan) -> TwoArmCertificate:
+    return verify_both(both)
+
+
+@pytest.fixture(scope="module")
 def recording(executed: tuple[Both, Outcome]) -> Recording:
     return executed[0].recorder.recording()
 
 
 def test_a_certified_plan_is_executed_without_a_warning(
-    robot: Baxter, start: State, both: TwoArmPlan, caplog: pytest.LogCaptureFixture
+    robot: Baxter,
+    start: State,
+    both: TwoArmPlan,
+    certificate: TwoArmCertificate,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    certificate = verify_both(both)
     invalid = evolve(certificate, reason="too near")
     short = evolve(both, plans={side: both.plans[side] for side in LIMBS})
     for plan, given, warning in (
@@ -225,10 +233,12 @@ def test_arms_that_run_into_each_other_both_stop_before(robot: Baxter, start: St
 
 
 def test_a_certified_plan_is_checked_only_where_the_world_is_another_one(
-    robot: Baxter, start: State, both: TwoArmPlan, looks: list[Any]
+    robot: Baxter,
+    start: State,
+    both: TwoArmPlan,
+    certificate: TwoArmCertificate,
+    looks: list[Any],
 ) -> None:
-    certificate = verify_both(both)
-
     class Spawner(Observer):
         """Adds a block far away when the left hand has grasped its own."""
 
