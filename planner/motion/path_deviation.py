@@ -122,20 +122,28 @@ class PathDeviation:
         )
         self.between_m = acceleration * float(times[1] - times[0]) ** 2 / 8
 
-    def in_tube(self, tube: JointTube) -> FloatArray:
-        """Bounds in each cell of a tube, shape (cells,), m; equal in groups of cells."""
+    def in_tube(self, tube: JointTube, *, enough_m: float = 0.0) -> FloatArray:
+        """Bounds in each cell of a tube, shape (cells,), m; equal in groups of cells.
+
+        Bounds of at most `enough_m` may be larger than necessary, and take less time.
+        """
         first = np.arange(0, tube.cells, CELLS_PER_GROUP)
         instants = np.minimum(first[:, None] + np.arange(CELLS_PER_GROUP + 1), tube.cells)
         lows, highs = tube.lowest[instants].min(axis=1), tube.highest[instants].max(axis=1)
-        return np.repeat(self.in_boxes(lows, highs), CELLS_PER_GROUP)[: tube.cells]
+        deviations_m = self.in_boxes(lows, highs, enough_m=enough_m)
+        return np.repeat(deviations_m, CELLS_PER_GROUP)[: tube.cells]
 
-    def in_boxes(self, lows: FloatArray, highs: FloatArray) -> FloatArray:
+    def in_boxes(self, lows: FloatArray, highs: FloatArray, *, enough_m: float = 0.0) -> FloatArray:
         """Bounds in boxes of joint angles, their corners of shape (m, 7), rad; shape (m,), m."""
         p, J, remainder = self._linear(lows, highs)
         tips = self._path[:, 0]
         nearest = ((tips * tips).sum(axis=1) - 2.0 * p[:, 0] @ tips.T).argmin(axis=1)
-        by_chord = [self._off_chord(nearest, half_span, p, J) for half_span in CHORD_HALF_SPANS]
-        deviations_m: FloatArray = np.min(by_chord, axis=0) + remainder + self.between_m
+        deviations_m = np.full(len(p), np.inf)
+        for half_span in CHORD_HALF_SPANS:
+            left = np.flatnonzero(deviations_m > enough_m)
+            bounds_m = self._off_chord(nearest[left], half_span, p[left], J[left])
+            bounds_m += remainder[left] + self.between_m
+            deviations_m[left] = np.minimum(deviations_m[left], bounds_m)
         return deviations_m
 
     def points_in_boxes(

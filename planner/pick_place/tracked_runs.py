@@ -277,7 +277,8 @@ class TrackedMove:
 
     def passes(self, tubes: Sequence[JointTube], required: TrackingRequirements) -> bool:
         """Whether `track` reports no failure."""
-        hand_deviation_m = float(self._hand_deviations_m(tubes).max())
+        enough_m = required.max_deviation_m
+        hand_deviation_m = float(self._hand_deviations_m(tubes, enough_m).max())
         proofs = self._prove(tubes, required, is_tight=False)
         return all(self._failure(proof, hand_deviation_m, required) is None for proof in proofs)
 
@@ -289,11 +290,11 @@ class TrackedMove:
         for tube in tubes:
             yield self._proofs.prove(tube, pairs=self._free, margin_m=margin_m, is_tight=is_tight)
 
-    def _hand_deviations_m(self, tubes: Sequence[JointTube]) -> FloatArray:
+    def _hand_deviations_m(self, tubes: Sequence[JointTube], enough_m: float = 0.0) -> FloatArray:
         """Maximum deviation of the hand in each cell of the longest tube; 0 without contacts."""
         if self._hand is None:
             return np.zeros(1)
-        in_cells = [self._hand.in_tube(tube) for tube in tubes]
+        in_cells = [self._hand.in_tube(tube, enough_m=enough_m) for tube in tubes]
         longest = max(map(len, in_cells))
         deviations_m: FloatArray = np.max([padded(cells, longest) for cells in in_cells], axis=0)
         return deviations_m

@@ -114,6 +114,18 @@ def test_an_arm_that_only_lags_is_on_its_path(left: Arm) -> None:
     assert bound < 0.1 * float(np.linalg.norm(tips[1] - tips[0]))
 
 
+def test_bounds_that_are_enough_may_be_larger_but_are_enough(left: Arm, move: Trajectory) -> None:
+    deviation, rng = PathDeviation(left, move, HAND), np.random.default_rng(2)
+    middles = move.sample(rng.uniform(0.0, move.duration, 60)).q + rng.uniform(-0.05, 0.05, (60, 7))
+    boxes = middles - 0.01, middles + 0.01
+    tight = deviation.in_boxes(*boxes)
+    enough_m = float(np.median(tight))
+    found = deviation.in_boxes(*boxes, enough_m=enough_m)
+    np.testing.assert_array_equal(found > enough_m, tight > enough_m)
+    np.testing.assert_allclose(found[found > enough_m], tight[found > enough_m], atol=NUMERICS_M)
+    assert (found >= tight - NUMERICS_M).all()
+
+
 def test_every_cell_of_a_tube_counts(left: Arm, move: Trajectory) -> None:
     times = np.linspace(0.0, move.duration, 4 * CELLS_PER_GROUP + 2)
     q = np.repeat(move.q_goal[None], len(times), axis=0)
