@@ -73,7 +73,7 @@ def test_wrong_witnesses_and_false_proofs_are_found(own_map: ReachMap) -> None:
         cells.witnesses[:, 0] += 5000  # 1e-5 rad
         cells.margins[is_reachable & (np.arange(cells.margins.shape[1]) % 2 == 0)] = UNREACHABLE
         own_map.write_block(block, cells)
-    found = check(own_map.path, 100)
+    found = check(own_map.path, 40)
     assert not found.is_valid
     assert len(found.wrong_witnesses) == found.witnesses > 0
     assert 0 < len(found.false_proofs) < found.proofs

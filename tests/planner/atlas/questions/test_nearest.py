@@ -14,7 +14,7 @@ from planner.atlas import Keep, NearestPose, ReachMap, nearest_reachable
 from planner.atlas.checking.pose_finder import PoseFinder
 from planner.errors import AtlasError
 
-POSES, SAMPLES = 3, 20_000
+POSES, SAMPLES = 2, 20_000
 
 
 def unreachable(robot: Baxter) -> list[pin.SE3]:

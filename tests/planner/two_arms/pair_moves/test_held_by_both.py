@@ -248,7 +248,9 @@ def test_a_smooth_change_of_one_joint_is_refused_where_it_tears(
     assert "leave their pose in it" in verify_both(plan).verdict
 
 
-@pytest.mark.parametrize("first", ["pick: open", "pick: close", "place: open"])
+@pytest.mark.parametrize(
+    "first", [pytest.param("pick: open", marks=pytest.mark.slow), "pick: close", "place: open"]
+)
 def test_hands_that_act_one_after_the_other_are_refused(bar_plan: TwoArmPlan, first: str) -> None:
     number = [step.label for step in bar_plan.plans["right"]].index(first)
     late = tuple(b + 0.005 * (k >= number) for k, b in enumerate(bar_plan.begins_s["right"]))
