@@ -192,7 +192,7 @@ def trays(given: argparse.Namespace) -> Iterator[Found]:
                 found |= {"duration_s": move.duration_s, "bound_s": ends.duration}
                 found |= {"proven_um": 1e6 * move.deviation.position_m}
                 found |= {"proven_deg": float(np.degrees(move.deviation.rotation_rad))}
-                off_um, off_deg = sampled_deviation(arms, move.trajectory, rng)
+                off_um, off_deg = sampled_deviation(arms, move.trajectory, number)
                 certified_m, certified_rad = certified_deviation(robot, move)
                 found |= {"certified_um": 1e6 * certified_m}
                 found |= {"certified_deg": float(np.degrees(certified_rad))}
@@ -322,11 +322,11 @@ def random_tray(
 
 
 def sampled_deviation(
-    arms: Mapping[str, Manipulator], motion: Trajectory, rng: np.random.Generator
+    arms: Mapping[str, Manipulator], motion: Trajectory, seed: int
 ) -> tuple[float, float]:
     """Maximum deviation of the relative pose at 2,000 random instants, by Pinocchio: um and deg."""
     left, right = (arms[side].arm for side in ("left", "right"))
-    times = np.append(0.0, rng.uniform(0.0, motion.duration, 2000))
+    times = np.append(0.0, np.random.default_rng(seed).uniform(0.0, motion.duration, 2000))
     T = [left.T_base_tip(q[:7]).actInv(right.T_base_tip(q[7:])) for q in motion.sample(times).q]
     errors = [T[0].actInv(each) for each in T]
     off_m = max(float(np.linalg.norm(each.translation)) for each in errors)
