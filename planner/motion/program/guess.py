@@ -136,15 +136,29 @@ def _corrected(
         error = line.error(s, arm.T_base_tip(q))
         if np.linalg.norm(error) <= ACCURACY:
             return q
-        jacobian, is_free = arm.jacobian(q), np.ones(len(q), dtype=np.bool_)
-        for _ in range(len(q)):
-            step = np.linalg.lstsq(jacobian * is_free, error, rcond=MIN_SINGULAR_RATIO)[0]
-            stays = (limits.q_min <= q + step) & (q + step <= limits.q_max)
-            if stays[is_free].all():
-                break
-            is_free &= stays
-        q = (q + step).clip(limits.q_min, limits.q_max)
+        q = stepped(q, arm.jacobian(q), error, limits)
     return None
+
+
+def stepped(
+    q: FloatArray, jacobian: FloatArray, error: FloatArray, limits: JointLimits
+) -> FloatArray:
+    """The configuration after a least-norm step, in which joints that reach a limit stay there.
+
+    Args:
+        q: configuration, shape (n,), rad.
+        jacobian: change of the error that is removed, by joint, shape (m, n).
+        error: to remove, shape (m,).
+        limits: of the joints.
+    """
+    is_free = np.ones(len(q), dtype=np.bool_)
+    for _ in range(len(q)):
+        step = np.linalg.lstsq(jacobian * is_free, error, rcond=MIN_SINGULAR_RATIO)[0]
+        stays = (limits.q_min <= q + step) & (q + step <= limits.q_max)
+        if stays[is_free].all():
+            break
+        is_free &= stays
+    return (q + step).clip(limits.q_min, limits.q_max)
 
 
 def guess_between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:

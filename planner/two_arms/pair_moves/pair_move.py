@@ -6,33 +6,27 @@ The body goes any way from its pose to the goal, or along a straight line with a
 the hands do between the knots is bounded afterwards (`relative_pose`); where that is more than
 allowed, the program is solved with twice as many knots.
 
-The guess follows the body's straight line with both arms, by least-norm steps from the start. Where
-one arm cannot follow, or the motion is not clear, other guesses end in sampled solutions of the
-goal, or lift the body.
+Guesses, and what they may prove of the task: `pair_guesses`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin import Arm, IKService, JointLimits
+from baxter_kin import Arm, JointLimits
 from baxter_kin.display import seconds
 from baxter_kin.fields import array, frozen
-from baxter_kin.frames import PoseLike, raised
-from baxter_kin.ik import sample_solutions
-from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.frames import PoseLike
 from baxter_kin.validation import FloatArray, expect
 from planner.clearance import ContinuousProof
 from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
 from planner.collision.mover import Mover
-from planner.errors import FreeMoveError, MotionError, StraightMoveError, TaskError
+from planner.errors import FreeMoveError, MotionError, TaskError
 from planner.manipulator import Manipulator, both_of, context_of_both, limits_of_both
 from planner.motion.joint_move import checked_start, rest_to_rest_s
 from planner.motion.paths.straight_line import (
@@ -45,7 +39,6 @@ from planner.motion.paths.straight_line import (
     intervals_of,
     knot_tolerance,
 )
-from planner.motion.program.guess import follow
 from planner.motion.program.motion_program import EXTRA_MARGIN_M, MotionProgram, Motions, led_around
 from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import Holding, MotionTask, Phase
@@ -54,6 +47,7 @@ from planner.scene.contact import PartContact
 from planner.splines import Sketch
 from planner.state import State
 from planner.trajectory import Trajectory
+from planner.two_arms.pair_moves.pair_guesses import PairGuesses, goal_solutions
 from planner.two_arms.pair_moves.relative_pose import (
     RelativeDeviation,
     relative_deviation,
@@ -69,13 +63,6 @@ MIN_LENGTH = 1e-9
 
 HELD_POSE = 1e-6
 """Maximum difference of any entry of the poses in which both hands hold a body at the start."""
-
-GOALS, GOALS_ON_LINES = 4, 1
-"""Number of sampled solutions of the goal in which guesses end; and that on straight lines, where
-such a guess is far from any solution."""
-
-RISES_M = (0.1, 0.2)
-"""Heights over which the body is lifted in other guesses."""
 
 
 @frozen(error=MotionError)
@@ -186,20 +173,6 @@ def _held_by_both(state: State) -> tuple[str, tuple[tuple[str, pin.SE3], tuple[s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _CarriedLine:
-    """The poses of a tip that carries a body along a line, by the fraction of the way."""
-
-    line: StraightLine
-    T_body_tip: pin.SE3
-
-    def error(self, s: float, T_base_tip: pin.SE3) -> FloatArray:
-        """Twist from a pose to that at s, shape (6,), m and rad, in base."""
-        wanted, R = self.line.at(s) * self.T_body_tip, T_base_tip.rotation
-        turn = R @ pin.log3(R.T @ wanted.rotation)
-        return np.concatenate([wanted.translation - T_base_tip.translation, turn])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Carry:
     """The problem of one motion.
 
@@ -254,13 +227,6 @@ class _Carry:
             if refusal:
                 raise FreeMoveError(f"start {refusal}")
 
-    def check_goal(self) -> None:
-        """Refuse a goal that is proven out of reach."""
-        for arm, T in zip(self.mover.arms, self.T_tips_body, strict=True):
-            beyond = ReachBound(arm).proof(self.goal * T.inverse())
-            if beyond is not None:
-                raise FreeMoveError(f"the goal is out of reach of the {arm.side} arm: {beyond}")
-
     def motion(self) -> tuple[Trajectory, RelativeDeviation, ContinuousProof]:
         """The first motion found that keeps everything that is required."""
         reasons: list[str] = []
@@ -269,14 +235,23 @@ class _Carry:
             proof = self.proof(stay, reasons)
             if proof is not None:
                 return stay, self.deviation(stay), proof
-        self.check_goal()
+        guesses = PairGuesses(
+            context=self.context,
+            limits=self.limits,
+            mover=self.mover,
+            q_start=self.q_start,
+            T_tips_body=self.T_tips_body,
+            goal=self.goal,
+            tolerance=self.tolerance if self.is_straight else None,
+            goals=goal_solutions(self.mover, self.T_tips_body, self.goal),
+        )
         line = StraightLine(self.start, self.goal) if self.is_straight else None
         intervals = INTERVALS
         if line is not None:
             intervals = intervals_of(line, self.tolerance, INTERVALS)
         for _ in range(1 + MAX_DOUBLINGS):
             is_too_coarse = False
-            for qs in self.guesses(intervals, reasons):
+            for qs in guesses.at(intervals, reasons):
                 for trajectory in self.solved(qs, line):
                     deviation = self.deviation(trajectory)
                     is_too_coarse = not (
@@ -303,94 +278,6 @@ class _Carry:
         """Bounds on the deviation of the relative pose."""
         allowed = self.tolerance.position_m, self.tolerance.rotation_rad
         return relative_deviation(self.mover, trajectory, self.T_left_right, *allowed)
-
-    def guesses(self, intervals: int, reasons: list[str]) -> Iterator[FloatArray]:
-        """Configurations at the knots, shape (n + 1, 14), that hardly leave the relative pose."""
-        t = np.linspace(0.0, 1.0, intervals + 1)
-        eased = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        with suppress(StraightMoveError):  # half a turn
-            line = StraightLine(self.start, self.goal)
-            qs = self.followed([(line, eased[1:])], reasons)
-            if qs is not None:
-                yield qs
-        if not self.is_straight:
-            top_m = max(T.translation[2] for T in (self.start, self.goal))
-            for rise_m in RISES_M:
-                with suppress(StraightMoveError):
-                    yield from self.lifted(top_m + rise_m, eased)
-        yield from self.to_other_goals(eased, reasons)
-
-    def lifted(self, height_m: float, eased: FloatArray) -> Iterator[FloatArray]:
-        """The guess that lifts the body, carries it across, and lowers it."""
-        over = [raised(T, height_m - T.translation[2]) for T in (self.start, self.goal)]
-        ends = [self.start, *over, self.goal]
-        lengths = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(ends)]
-        cuts = np.cumsum([0.0, *lengths]) / max(sum(lengths), 1e-9)
-        parts = []
-        for k in range(3):
-            inside = (eased[1:] > cuts[k]) & (eased[1:] <= cuts[k + 1] + (k == 2))
-            width = max(cuts[k + 1] - cuts[k], 1e-9)
-            parts.append(
-                (StraightLine(ends[k], ends[k + 1]), (eased[1:][inside] - cuts[k]) / width)
-            )
-        qs = self.followed(parts, [])
-        if qs is not None:
-            yield qs
-
-    def _each_arm(self) -> Iterator[tuple[Arm, pin.SE3, JointLimits, FloatArray]]:
-        """Each arm, the pose of the body seen from its tip, its limits and where it starts."""
-        q_starts = np.split(self.q_start, 2)
-        yield from zip(self.mover.arms, self.T_tips_body, self.each_limits, q_starts, strict=True)
-
-    def followed(
-        self, parts: list[tuple[StraightLine, FloatArray]], reasons: list[str]
-    ) -> FloatArray | None:
-        """Both arms along lines of the body, by least-norm steps; None where one cannot follow."""
-        found = []
-        for arm, T, limits, q in self._each_arm():
-            qs = [q]
-            for line, fractions in parts:
-                carried = _CarriedLine(line, T.inverse())
-                there = follow(arm, limits, qs[-1], carried, fractions.clip(0.0, 1.0).tolist())
-                qs += there.qs
-                if len(there.qs) < len(fractions):
-                    reasons.append(
-                        f"the {arm.side} arm can follow the straight line of the body for "
-                        f"{there.fraction:.1%} of the way only"
-                    )
-                    return None
-            found.append(qs)
-        return np.concatenate([np.array(qs) for qs in found], axis=1)
-
-    def to_other_goals(self, eased: FloatArray, reasons: list[str]) -> Iterator[FloatArray]:
-        """Guesses along joint lines to the nearest solutions of the goal, of each arm."""
-        solutions = []
-        for arm, T, limits, q in self._each_arm():
-            found = sample_solutions(IKService(arm), self.goal * T.inverse())
-            if not len(found):
-                reasons.append(f"no solution of the goal was found for the {arm.side} arm")
-                return
-            times = rest_to_rest_s(found - q, limits)
-            solutions.append((found[np.argsort(times)], np.sort(times)))
-        (left, left_s), (right, right_s) = solutions
-        pairs = [
-            (max(left_s[i], right_s[j]), i, j)
-            for i in range(0, len(left), max(1, len(left) // 40))
-            for j in range(0, len(right), max(1, len(right) // 40))
-        ]
-        tried = 0
-        for _, i, j in sorted(pairs):
-            q_goal = np.concatenate([left[i], right[j]])
-            if self.context.is_free(q_goal):
-                yield self.q_start + eased[:, None] * (q_goal - self.q_start)
-                tried += 1
-            if tried == (GOALS_ON_LINES if self.is_straight else GOALS):
-                return
-
-    @property
-    def each_limits(self) -> tuple[JointLimits, JointLimits]:
-        """The limits of each arm."""
-        return self.limits.part(slice(7)), self.limits.part(slice(7, 14))
 
     def solved(self, qs: FloatArray, line: StraightLine | None) -> Iterator[Trajectory]:
         """Motions near a guess: of the program, and of the program that is led around obstacles."""
@@ -442,9 +329,9 @@ class _Carry:
                 yield motion
 
     def guessed_s(self, qs: FloatArray) -> float:
-        """A duration that is about right for a guess."""
+        """A duration that is about right for a guess; longer rather than too short."""
         longest = np.abs(np.diff(qs, axis=0)).sum(axis=0)
-        return 1.2 * float(rest_to_rest_s(longest, self.limits))
+        return 1.5 * float(rest_to_rest_s(longest, self.limits))
 
     def proof(self, trajectory: Trajectory, reasons: list[str]) -> ContinuousProof | None:
         """The proof that a motion is clear; None, with a reason, where it is not, or leans."""

@@ -36,15 +36,18 @@ from tests.conftest import at
 
 HALF_M = 0.22
 
-T_TRAY_TIP = {
-    "left": pin.SE3(
-        np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]), np.array([0.0, HALF_M, 0.0])
-    ),
-    "right": pin.SE3(
-        np.array([[-1.0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]]), np.array([0.0, -HALF_M, 0.0])
-    ),
-}
-"""The hands hold the tray at both ends and point at each other."""
+
+def tips_of(half_m: float) -> dict[str, pin.SE3]:
+    """The hands hold the tray at both ends and point at each other."""
+    R_left = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+    R_right = np.array([[-1.0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]])
+    return {
+        "left": pin.SE3(R_left, np.array([0.0, half_m, 0.0])),
+        "right": pin.SE3(R_right, np.array([0.0, -half_m, 0.0])),
+    }
+
+
+T_TRAY_TIP = tips_of(HALF_M)
 
 END_M = 1e-7
 
@@ -66,15 +69,16 @@ def held_at(
 ) -> Callable[..., State]:
     """States in which both hands hold the tray at a pose, far from the limits of their joints."""
 
-    def state_at(T: pin.SE3, *others: Body) -> State:
-        tray = Body("tray", (Part(Box((0.2, 0.5, 0.02)), pin.SE3.Identity()),), T)
+    def state_at(T: pin.SE3, *others: Body, half_m: float = HALF_M) -> State:
+        tips, sizes = tips_of(half_m), (0.2, 2.0 * half_m + 0.06, 0.02)
+        tray = Body("tray", (Part(Box(sizes), pin.SE3.Identity()),), T)
         held = [
             Attachment("tray", manipulators[side].arm.tip_frame, T_tip.inverse())
-            for side, T_tip in T_TRAY_TIP.items()
+            for side, T_tip in tips.items()
         ]
         state = State.of(manipulators["left"], Scene.of([table, tray, *others]), held)
         solutions = []
-        for side, T_tip in T_TRAY_TIP.items():
+        for side, T_tip in tips.items():
             found = sample_solutions(manipulators[side].ik, T * T_tip)
             limits = manipulators[side].limits
             middle = (limits.q_min + limits.q_max) / 2.0
@@ -99,10 +103,12 @@ def check(
     state: State,
     move: PairMove,
     T_goal: pin.SE3,
+    *,
+    half_m: float = HALF_M,
 ) -> None:
     """Everything that is promised, at random or dense instants."""
-    motion, rng = move.trajectory, np.random.default_rng(0)
-    wanted = T_TRAY_TIP["left"].actInv(T_TRAY_TIP["right"])
+    motion, rng, tips = move.trajectory, np.random.default_rng(0), tips_of(half_m)
+    wanted = tips["left"].actInv(tips["right"])
     times = rng.uniform(0.0, motion.duration, 2000)
     errors = [wanted.actInv(relative(robot, q)) for q in motion.sample(times).q]
     off_m = max(float(np.linalg.norm(each.translation)) for each in errors)
@@ -173,6 +179,38 @@ def test_a_post_in_the_way_is_passed(
     assert move.duration_s >= 0.999 * plain.duration_s
 
 
+GAP = {"half_m": 0.19, "x": 0.41, "y": -0.14, "yaw": 0.25, "from": 0.23, "to": 0.46}
+"""A tray that the left arm reaches at both heights and, with the same turn, not in between."""
+
+
+def in_gap(z: float) -> pin.SE3:
+    return at(GAP["x"], GAP["y"], z) * pin.SE3(pin.utils.rotate("z", GAP["yaw"]), np.zeros(3))
+
+
+def test_a_straight_line_with_a_gap_is_refused_before_the_program(
+    manipulators: dict[str, Manipulator], held_at: Callable[..., State]
+) -> None:
+    state, goal = held_at(in_gap(GAP["from"]), half_m=GAP["half_m"]), in_gap(GAP["to"])
+    with pytest.raises(FreeMoveError, match="straight line is out of reach of the left arm"):
+        plan_pair_move(manipulators, state, goal, is_straight=True)
+    ik, T_tip = manipulators["left"].ik, tips_of(GAP["half_m"])["left"]
+    is_reached = [
+        bool(len(sample_solutions(ik, in_gap(z) * T_tip, turns=400)))
+        for z in np.linspace(GAP["from"], GAP["to"], 24)
+    ]
+    assert is_reached[0]
+    assert is_reached[-1]
+    assert not all(is_reached)
+
+
+def test_any_other_way_leads_around_the_gap(
+    robot: Baxter, manipulators: dict[str, Manipulator], held_at: Callable[..., State]
+) -> None:
+    state, goal = held_at(in_gap(GAP["from"]), half_m=GAP["half_m"]), in_gap(GAP["to"])
+    move = plan_pair_move(manipulators, state, goal)
+    check(robot, manipulators, state, move, goal, half_m=GAP["half_m"])
+
+
 def one_hand(state: State) -> State:
     return evolve(state, attachments=state.attachments[:1])
 
@@ -196,6 +234,7 @@ GOAL = at(0.60, 0.0, 0.2)
         ({"state": None}, TaskError, None),
         ({"manipulators": {}}, TaskError, "left and right"),
         ({"T_base_goal": at(0.95, 0.0, 0.15)}, FreeMoveError, "out of reach of the left arm: "),
+        ({"T_base_goal": at(0.7, -0.15, 0.39)}, FreeMoveError, "right arm does not reach the goal"),
         ({"T_base_goal": at(0.6, 0.0, -0.3)}, FreeMoveError, None),
         ({"T_base_goal": "there"}, PoseError, None),
         (

@@ -1,0 +1,84 @@
+"""Guesses for bodies in both hands: ways through sampled solutions, and to other goals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
+from planner import Manipulator, State, context_of_both, limits_of_both
+from planner.collision.mover import Mover
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, StraightLine
+from planner.two_arms.pair_moves.pair_guesses import (
+    MAX_STEP_RAD,
+    CarriedLine,
+    PairGuesses,
+    goal_solutions,
+)
+from tests.conftest import at
+from tests.planner.two_arms.pair_moves import carries
+
+EASED = np.linspace(0.0, 1.0, 25)
+
+
+@pytest.fixture(scope="module")
+def guesses(manipulators: dict[str, Manipulator]) -> PairGuesses:
+    """Those of a tray that both hands hold, 10 cm up."""
+    _, state = carries.tray(manipulators)
+    return guesses_of(manipulators, state)
+
+
+def guesses_of(manipulators: dict[str, Manipulator], state: State) -> PairGuesses:
+    limits = limits_of_both(manipulators)
+    arms = tuple(manipulators[side].arm for side in ("left", "right"))
+    q = np.concatenate([each.start for each in arms])
+    half = pin.SE3(arms[0].T_base_tip(q[:7]))
+    tips = tuple(
+        arm.T_base_tip(own).actInv(half) for arm, own in zip(arms, np.split(q, 2), strict=True)
+    )
+    goal = at(0.0, 0.0, 0.05) * half
+    return PairGuesses(
+        context=context_of_both(manipulators, state),
+        limits=limits,
+        mover=Mover(arms),
+        q_start=q,
+        T_tips_body=tips,
+        goal=goal,
+        tolerance=DEFAULT_TOLERANCE,
+        goals=goal_solutions(Mover(arms), tips, goal),
+    )
+
+
+def test_a_way_through_sampled_solutions_stays_on_the_line_without_jumps(
+    guesses: PairGuesses,
+) -> None:
+    arm, q, T = guesses.mover.arms[0], guesses.q_start[:7], guesses.T_tips_body[0]
+    line = CarriedLine(StraightLine(guesses.start, guesses.goal), T.inverse())
+    qs = guesses.sampled(arm, q, line, EASED[1:].tolist(), [])
+    assert len(qs) == len(EASED) - 1
+    assert np.abs(np.diff([q, *qs], axis=0)).max() <= MAX_STEP_RAD
+    for s, each in zip(EASED[1:], qs, strict=True):
+        assert np.linalg.norm(line.error(s, arm.T_base_tip(each))) < 1e-5
+
+
+def relative(robot: Baxter, q: FloatArray) -> pin.SE3:
+    return robot.arm("left").T_base_tip(q[:7]).actInv(robot.arm("right").T_base_tip(q[7:]))
+
+
+def test_the_way_to_another_goal_keeps_the_relative_pose(
+    robot: Baxter, guesses: PairGuesses
+) -> None:
+    wanted = relative(robot, guesses.q_start)
+    q_goal = np.concatenate(
+        [
+            found[np.abs(found - q).max(axis=1).argmin()]
+            for found, q in zip(guesses.goals, np.split(guesses.q_start, 2), strict=True)
+        ]
+    )
+    qs = guesses.held_together(q_goal, EASED)
+    assert qs is not None
+    np.testing.assert_allclose(qs[-1], q_goal, atol=1e-5)
+    for q in qs:
+        assert relative(robot, q).isApprox(wanted, 1e-5)
