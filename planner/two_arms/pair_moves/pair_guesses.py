@@ -2,8 +2,7 @@
 
 A guess has the configurations of both arms at the knots of a motion. Along a line of the body, each
 arm follows by least-norm steps from the start. Where an arm cannot, and the body must stay on that
-line, solutions are sampled at every knot, over the whole redundancy of the arm, and the shortest
-way through them is taken. Where no solution is found at a knot, that may be proven.
+line, it may be proven that the arm does not reach a place on it.
 
 Other guesses end in sampled solutions of the goal. They go there directly in joint space, and are
 corrected at each knot so that the hands keep their relative pose. Most solutions cannot be reached
@@ -43,10 +42,6 @@ RISES_M = (0.1, 0.2)
 MIN_STRIDE = 1.0 / 256.0
 """Minimum step along a line of the body, as a share of it. With much smaller ones, most of the time
 of a guess is spent where an arm cannot follow."""
-
-TURNS, MAX_STEP_RAD = 96, 0.5
-"""Angles of the first joint for which solutions are sampled at each knot, and maximum change of a
-joint between those of successive knots."""
 
 MAX_CORRECTION_RAD, MAX_CORRECTIONS, CLOSED = 0.5, 12, 1e-6
 """Newton's method for the relative pose of the hands: maximum change of a joint and number of steps
@@ -152,65 +147,33 @@ class PairGuesses:
                 if len(there.qs) == len(at):
                     qs += there.qs
                     continue
-                sampled, furthest, how = list[FloatArray](), there.fraction, ""
                 if self.tolerance is not None:
-                    sampled = self.sampled(arm, q, carried, at, there.qs)
-                    furthest = max([furthest, *at[: len(sampled)]])
-                    how = ", also by solutions sampled over its redundancy"
-                if len(sampled) < len(at):
-                    reasons.append(
-                        f"the {arm.side} arm can follow the straight line of the body for "
-                        f"{furthest:.1%} of the way only{how}"
-                    )
-                    return None
-                qs += sampled
+                    self._refuse_gap(arm, carried, at[len(there.qs) :], self.tolerance.position_m)
+                reasons.append(
+                    f"the {arm.side} arm can follow the straight line of the body for "
+                    f"{there.fraction:.1%} of the way only"
+                )
+                return None
             found.append(qs)
         return np.concatenate([np.array(qs) for qs in found], axis=1)
 
-    def sampled(
-        self,
-        arm: Arm,
-        q: FloatArray,
-        line: CarriedLine,
-        fractions: Sequence[float],
-        followed: list[FloatArray],
-    ) -> list[FloatArray]:
-        """The shortest way of an arm through solutions along a line, as far as there is one.
+    @staticmethod
+    def _refuse_gap(
+        arm: Arm, line: CarriedLine, fractions: Sequence[float], tolerance_m: float
+    ) -> None:
+        """Raise FreeMoveError where a line is proven out of reach at one of some fractions.
 
-        The solutions are those sampled, and those at which the arm arrived by following the line.
-        Raises FreeMoveError where the line is proven out of reach by more than the tolerance of the
-        position, in the exact orientation.
+        The proof is for the exact orientation, and for positions up to the tolerance beside it.
         """
-        ik, bound = IKService(arm), ReachBound(arm)
-        layers = [sample_solutions(ik, line.at(s), turns=TURNS) for s in fractions]
-        for s in (s for s, layer in zip(fractions, layers, strict=True) if not len(layer)):
+        bound = ReachBound(arm)
+        for s in fractions:
             beyond = bound.proof(line.at(s))
-            if beyond is not None and self.tolerance is not None:
-                beyond = beyond.less(self.tolerance.position_m)
+            beyond = None if beyond is None else beyond.less(tolerance_m)
             if beyond is not None:
                 raise FreeMoveError(
                     f"the straight line is out of reach of the {arm.side} arm after {s:.1%} of the "
-                    f"way: {beyond}"
+                    f"way, in the exact orientation: {beyond}"
                 )
-        for i, own in enumerate(followed):
-            layers[i] = np.concatenate([layers[i], own[None]])
-        reached, costs, backs = [q[None]], np.zeros(1), list[FloatArray]()
-        for layer in layers:
-            change = np.abs(layer[:, None] - reached[-1][None])
-            cost = (change**2).sum(axis=2) + costs
-            cost[change.max(axis=2, initial=0.0) > MAX_STEP_RAD] = np.inf
-            is_reached = np.isfinite(cost).any(axis=1)
-            if not is_reached.any():
-                break
-            cost = cost[is_reached]
-            backs.append(cost.argmin(axis=1))
-            costs = cost.min(axis=1)
-            reached.append(layer[is_reached])
-        k, qs = int(costs.argmin()), list[FloatArray]()
-        for layer, back in zip(reached[:0:-1], backs[::-1], strict=True):
-            qs.append(layer[k])
-            k = int(back[k])
-        return qs[::-1]
 
     def to_other_goals(self, eased: FloatArray, reasons: list[str]) -> Iterator[FloatArray]:
         """Guesses to the nearest solutions of the goal, of each arm."""

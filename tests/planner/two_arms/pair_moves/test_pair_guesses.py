@@ -1,4 +1,4 @@
-"""Guesses for bodies in both hands: ways through sampled solutions, and to other goals."""
+"""Guesses for bodies in both hands that end in other solutions of the goal."""
 
 from __future__ import annotations
 
@@ -10,13 +10,8 @@ from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 from planner import Manipulator, State, context_of_both, limits_of_both
 from planner.collision.mover import Mover
-from planner.motion.paths.straight_line import DEFAULT_TOLERANCE, StraightLine
-from planner.two_arms.pair_moves.pair_guesses import (
-    MAX_STEP_RAD,
-    CarriedLine,
-    PairGuesses,
-    goal_solutions,
-)
+from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
+from planner.two_arms.pair_moves.pair_guesses import PairGuesses, goal_solutions
 from tests.conftest import at
 from tests.planner.two_arms.pair_moves import carries
 
@@ -49,18 +44,6 @@ def guesses_of(manipulators: dict[str, Manipulator], state: State) -> PairGuesse
         tolerance=DEFAULT_TOLERANCE,
         goals=goal_solutions(Mover(arms), tips, goal),
     )
-
-
-def test_a_way_through_sampled_solutions_stays_on_the_line_without_jumps(
-    guesses: PairGuesses,
-) -> None:
-    arm, q, T = guesses.mover.arms[0], guesses.q_start[:7], guesses.T_tips_body[0]
-    line = CarriedLine(StraightLine(guesses.start, guesses.goal), T.inverse())
-    qs = guesses.sampled(arm, q, line, EASED[1:].tolist(), [])
-    assert len(qs) == len(EASED) - 1
-    assert np.abs(np.diff([q, *qs], axis=0)).max() <= MAX_STEP_RAD
-    for s, each in zip(EASED[1:], qs, strict=True):
-        assert np.linalg.norm(line.error(s, arm.T_base_tip(each))) < 1e-5
 
 
 def relative(robot: Baxter, q: FloatArray) -> pin.SE3:
