@@ -71,7 +71,8 @@ from sim.ros1 import BaxterLink, ExecutionOptions, Node, Pace, RosExecutor, Stop
 from sim.ros1.definitions import service_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import STATE, command_topic
-from sim.ros1.execution.readiness import START_MOVE_LABEL, ReadyTwoArmPlan
+from sim.ros1.execution.readiness.plans import START_MOVE_LABEL
+from sim.ros1.execution.readiness.ready import ReadyTwoArmPlan
 from sim.ros1.robot.gazebo import BLOCK, DELETE, SPAWN
 from sim.simulation import Dwell
 

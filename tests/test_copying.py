@@ -26,7 +26,7 @@ from baxter_kin.errors import CopyError, UnknownNameError
 from baxter_kin.fields import FrozenMapping, field_names
 from planner import Certificate, Plan, RobotBody, verify
 from sim import Recorder
-from sim.ros1.execution.readiness import Finding, Readiness
+from sim.ros1.execution.readiness.ready import Finding, Readiness
 from sim.view.live.viewer import Viewer
 from tests.conftest import at
 from tests.front_doors import FRONT_DOORS

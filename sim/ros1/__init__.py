@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from sim.events import SampleObserver as SampleObserver
     from sim.ros1.execution.execution import RosExecutor as RosExecutor
     from sim.ros1.execution.link import BaxterLink as BaxterLink
-    from sim.ros1.execution.readiness import ExecutionOptions as ExecutionOptions
-    from sim.ros1.execution.readiness import NotReadyError as NotReadyError
+    from sim.ros1.execution.readiness.ready import ExecutionOptions as ExecutionOptions
+    from sim.ros1.execution.readiness.ready import NotReadyError as NotReadyError
     from sim.ros1.execution.set_points import Pace as Pace
     from sim.ros1.execution.stops import StopCause as StopCause
     from sim.ros1.master import Master as Master
@@ -25,12 +25,12 @@ __all__, __getattr__ = lazy(
     __name__,
     {
         "BaxterLink": "sim.ros1.execution.link",
-        "ExecutionOptions": "sim.ros1.execution.readiness",
+        "ExecutionOptions": "sim.ros1.execution.readiness.ready",
         "Follow": "sim.ros1.robot.arm_motion",
         "Following": "sim.ros1.robot.arm_motion",
         "Master": "sim.ros1.master",
         "Node": "sim.ros1.node",
-        "NotReadyError": "sim.ros1.execution.readiness",
+        "NotReadyError": "sim.ros1.execution.readiness.ready",
         "Pace": "sim.ros1.execution.set_points",
         "RosExecutor": "sim.ros1.execution.execution",
         "RosRobot": "sim.ros1.robot.ros_robot",

@@ -97,7 +97,7 @@ def run() -> NoReturn:
 
 def _checked(options: CheckOptions, signals: Signals) -> int:
     from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
-    from sim.ros1.execution.readiness import check_robot  # noqa: PLC0415
+    from sim.ros1.execution.readiness.robot import check_robot  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
     limbs = options.limbs

@@ -44,11 +44,7 @@ if TYPE_CHECKING:  # --help needs none of them
     from sim.recording.recording import Recording
     from sim.ros1.execution.execution import MeasuredOutcome, RosExecutor
     from sim.ros1.execution.link import BaxterLink
-    from sim.ros1.execution.readiness import (
-        ExecutionOptions,
-        ReadyPlan,
-        ReadyTwoArmPlan,
-    )
+    from sim.ros1.execution.readiness.ready import ExecutionOptions, ReadyPlan, ReadyTwoArmPlan
 
 TERMINAL = Terminal("baxter-execute")
 PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
@@ -243,7 +239,7 @@ def _repeated(recording: Recording, options: ExecuteOptions, link: BaxterLink) -
     """The plan of a recording for the robot on the network."""
     from planner import Manipulator  # noqa: PLC0415
     from sim.recording.recorded_plan import motion_from  # noqa: PLC0415
-    from sim.ros1.execution.readiness import described_robot  # noqa: PLC0415
+    from sim.ros1.execution.readiness.robot import described_robot  # noqa: PLC0415
 
     limb, tolerance_rad = options.limb or recording.limbs[0], options.tolerance_rad or TOLERANCE_RAD
     made = motion_from(
@@ -270,7 +266,7 @@ def _connected(
     from sim.recording.recording import Recording  # noqa: PLC0415
     from sim.ros1.execution.execution import RosExecutor  # noqa: PLC0415
     from sim.ros1.execution.link import BaxterLink  # noqa: PLC0415
-    from sim.ros1.execution.readiness import ReadyTwoArmPlan  # noqa: PLC0415
+    from sim.ros1.execution.readiness.ready import ReadyTwoArmPlan  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
     with ExitStack() as stack:
@@ -307,7 +303,7 @@ def _moved(
     signals: Signals,
 ) -> int:
     """Enable, ask, and execute the plan."""
-    from sim.ros1.execution.readiness import ReadyTwoArmPlan  # noqa: PLC0415
+    from sim.ros1.execution.readiness.ready import ReadyTwoArmPlan  # noqa: PLC0415
     from sim.ros1.execution.stops import StopCause  # noqa: PLC0415
 
     executor.enable()
@@ -342,7 +338,7 @@ def _ended(outcome: MeasuredOutcome, signals: Signals, holding: str) -> int:
 def _settings(
     options: ExecuteOptions, response: Response | Mapping[str, Response] | None
 ) -> ExecutionOptions:
-    from sim.ros1.execution.readiness import ExecutionOptions  # noqa: PLC0415
+    from sim.ros1.execution.readiness.ready import ExecutionOptions  # noqa: PLC0415
     from sim.ros1.execution.set_points import Pace  # noqa: PLC0415
     from sim.simulation import Dwell  # noqa: PLC0415
 

@@ -35,15 +35,13 @@ from sim.events import EventKind, Observer, Sample
 from sim.ros1.execution.channel import ArmChannel, GripperCommand
 from sim.ros1.execution.guard import MoveClearance, PathGuard, arms_stop
 from sim.ros1.execution.link import ArmReading, BaxterLink
-from sim.ros1.execution.readiness import (
+from sim.ros1.execution.readiness.plans import check_plan, check_two_arm_plan, check_unmoved
+from sim.ros1.execution.readiness.ready import (
     ExecutionOptions,
     NotReadyError,
     Readiness,
     ReadyPlan,
     ReadyTwoArmPlan,
-    check_plan,
-    check_two_arm_plan,
-    check_unmoved,
 )
 from sim.ros1.execution.set_points import (
     CommonClock,

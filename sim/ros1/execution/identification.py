@@ -21,7 +21,8 @@ from sim.errors import RosError, SimulationError
 from sim.events import Event, EventKind, Sample, SampleObserver
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
-from sim.ros1.execution.readiness import ExecutionOptions, described_robot, measured_joints
+from sim.ros1.execution.readiness.ready import ExecutionOptions
+from sim.ros1.execution.readiness.robot import described_robot, measured_joints
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 

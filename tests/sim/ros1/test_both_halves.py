@@ -19,10 +19,11 @@ from planner.motion.response import save_response
 from planner.pick_place.tracking import TrackingProof, prove_tracking
 from sim import Event, EventKind, Observer, Simulation, World
 from sim.ros1 import execute as executing
-from sim.ros1.execution import readiness, set_points, stops
+from sim.ros1.execution import set_points, stops
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink, command_topic
-from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, ReadyTwoArmPlan
+from sim.ros1.execution.readiness import plans, robot
+from sim.ros1.execution.readiness.ready import ExecutionOptions, NotReadyError, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from sim.ros1.node import Node
@@ -46,7 +47,7 @@ KNOWN_LAG = Response((0.35, 0.45), 0.001)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both halves share a busy computer, on which a robot may be slower or silent for longer."""
     monkeypatch.setattr(stops, "MAX_AGE_S", 2.0)
-    monkeypatch.setattr(readiness, "MIN_RATE_HZ", 20.0)
+    monkeypatch.setattr(robot, "MIN_RATE_HZ", 20.0)
 
 
 @dataclass
@@ -167,7 +168,7 @@ def test_a_lag_that_is_known_is_refused_or_stopped_by_the_guard_before_anything_
             proofs.append(prove_tracking(*args, **options))
         return proofs[0]
 
-    monkeypatch.setattr(readiness, "prove_tracking", proven_once)
+    monkeypatch.setattr(plans, "prove_tracking", proven_once)
     with halves(robot, demo_plan, own_master, LAG) as both:
         careful = RosExecutor(both.link, options=options(1.0, KNOWN_LAG))
         with pytest.raises(

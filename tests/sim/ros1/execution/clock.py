@@ -11,7 +11,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from sim.ros1.execution import channel, execution, link, readiness
+from sim.ros1.execution import channel, execution, link
+from sim.ros1.execution.readiness import robot
 
 TICK_S = 0.01
 
@@ -49,7 +50,7 @@ def virtual_time() -> Iterator[VirtualTime]:
     """Let executors live in virtual time inside the block."""
     clock = VirtualTime()
     with pytest.MonkeyPatch.context() as patch:
-        for module in (channel, execution, link, readiness):
+        for module in (channel, execution, link, robot):
             assert module.time is time
             patch.setattr(module, "time", clock)
         yield clock

@@ -15,7 +15,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from planner import Manipulator, Plan, TwoArmPlan, plan_together
 from sim.ros1.execution.execution import RosExecutor
 from sim.ros1.execution.link import BaxterLink
-from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan, ReadyTwoArmPlan
+from sim.ros1.execution.readiness.ready import ExecutionOptions, ReadyPlan, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.node import Node
 from sim.simulation import Dwell

@@ -8,15 +8,16 @@ from typing import Any
 import pytest
 
 from sim.ros1.definitions import message_type
-from sim.ros1.execution import readiness
-from sim.ros1.execution.readiness import Finding, check_robot
+from sim.ros1.execution.readiness import robot
+from sim.ros1.execution.readiness.ready import Finding
+from sim.ros1.execution.readiness.robot import check_robot
 from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import Network
 
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(readiness, "FIRST_S", 0.5)
+    monkeypatch.setattr(robot, "FIRST_S", 0.5)
 
 
 def found(network: Network) -> dict[str, list[Finding]]:

@@ -20,7 +20,7 @@ from sim.events import Sample, SampleObserver
 from sim.ros1.definitions import message_type
 from sim.ros1.execution.channel import ArmChannel
 from sim.ros1.execution.execution import MeasuredOutcome
-from sim.ros1.execution.readiness import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.readiness.ready import ExecutionOptions, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from sim.simulation import Dwell

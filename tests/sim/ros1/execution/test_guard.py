@@ -26,7 +26,7 @@ from sim.ros1.execution.guard import (
     clearances_of,
     shared_joints,
 )
-from sim.ros1.execution.readiness import ReadyPlan
+from sim.ros1.execution.readiness.ready import ReadyPlan
 from sim.ros1.execution.stops import StopCause
 from tests.conftest import at
 

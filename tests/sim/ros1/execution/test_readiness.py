@@ -10,8 +10,8 @@ import pytest
 from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.fields import evolve
 from planner import Certificate, Grip, Move, Plan, verify
-from sim.ros1.execution import readiness
-from sim.ros1.execution.readiness import ExecutionOptions, NotReadyError, Readiness, ReadyPlan
+from sim.ros1.execution.readiness import plans
+from sim.ros1.execution.readiness.ready import ExecutionOptions, NotReadyError, Readiness, ReadyPlan
 from sim.ros1.execution.set_points import Pace
 from tests.sim.ros1.execution.conftest import FAST, Network
 
@@ -24,7 +24,7 @@ def certificate(demo_plan: Plan) -> Certificate:
 @pytest.fixture(autouse=True)
 def _certified_once(monkeypatch: pytest.MonkeyPatch, certificate: Certificate) -> None:
     """A certificate takes seconds; these tests are of other conditions, but for one."""
-    monkeypatch.setattr(readiness, "verify", lambda *_, **__: certificate)
+    monkeypatch.setattr(plans, "verify", lambda *_, **__: certificate)
 
 
 def looked(network: Network, plan: Plan, options: ExecutionOptions = FAST) -> Readiness[ReadyPlan]:
@@ -103,8 +103,8 @@ def test_an_arm_that_is_not_measured_is_refused_by_its_joints(
     readings = network.link.joints._readings
     kept = {name: each for name, each in readings.items() if name != "right_w1"}
     network.link.joints._readings = kept
-    check = readiness._PlanCheck(network.link, demo_plan, FAST, [])
-    with pytest.raises(readiness._RefusedError, match=r"of right_w1 on .* cannot be excluded"):
+    check = plans._PlanCheck(network.link, demo_plan, FAST, [])
+    with pytest.raises(plans._RefusedError, match=r"of right_w1 on .* cannot be excluded"):
         check.ready()
 
 
@@ -145,7 +145,7 @@ def test_what_no_baxter_can_follow_is_refused(network: Network, demo_plan: Plan)
 def test_a_plan_that_fails_its_certificate_is_refused_and_nothing_is_sent(
     network: Network, demo_plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(readiness, "verify", verify)
+    monkeypatch.setattr(plans, "verify", verify)
     known = demo_plan.start
     without = evolve(demo_plan, start=evolve(known, scene=known.scene.without("table")))
     executor = network.executor()
@@ -162,7 +162,7 @@ def test_a_move_without_room_for_the_guard_is_refused(
     ready = looked(network, demo_plan).ready
     assert ready is not None
     first = ready.clearances[0]
-    monkeypatch.setattr(readiness, "KEPT_M", min(first.clear_m) + 1e-3)
+    monkeypatch.setattr(plans, "KEPT_M", min(first.clear_m) + 1e-3)
     found = looked(network, demo_plan)
     assert found.ready is None
     assert told(found, "clearance").startswith(f"{first.label}: ")

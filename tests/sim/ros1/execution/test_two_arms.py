@@ -26,7 +26,8 @@ from sim import EventKind
 from sim.errors import SimulationError
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.link import BaxterLink
-from sim.ros1.execution.readiness import START_MOVE_LABEL, ExecutionOptions, ReadyTwoArmPlan
+from sim.ros1.execution.readiness.plans import START_MOVE_LABEL
+from sim.ros1.execution.readiness.ready import ExecutionOptions, ReadyTwoArmPlan
 from sim.ros1.execution.set_points import Pace
 from sim.ros1.execution.stops import StopCause
 from tests.planner.two_arms.pair_moves import carries

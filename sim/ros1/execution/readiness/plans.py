@@ -1,9 +1,8 @@
-"""Readiness: whether a plan may be executed on a robot as it stands, and what would be sent.
+"""Checks of plans on the robot as it stands.
 
-`check_robot` checks the robot alone, as `python -m sim.ros1.check` does; `check_plan` checks a plan
-in the state that the robot reports: its own URDF, the other arm, the head and the fingers where
-they are. Where the arm does not stand at the start of the plan, a move to it is planned, proven and
-put before it. All conditions hold, or nothing is sent.
+`check_plan` checks a plan in the state that the robot reports: its own URDF, the other arm, the
+head and the fingers where they are. Where the arm does not stand at the start of the plan, a move
+to it is planned, proven and put before it. All conditions hold, or nothing is sent.
 
 A `TwoArmPlan` is checked with both arms where they are. Moves to its start are made one after the
 other, each past the other arm where that stands then, and become the first steps on its clock. It
@@ -16,28 +15,22 @@ from __future__ import annotations
 
 import logging
 import math
-import re
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from itertools import permutations
-from typing import Generic, TypeVar
 
 import numpy as np
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.description.hands import finger_joints
-from baxter_kin.display import OneLine, clear, count, phrase, seconds
+from baxter_kin.display import clear, seconds
 from baxter_kin.errors import BaxterError
-from baxter_kin.fields import FrozenMapping, evolve, field, frozen
-from baxter_kin.kinematics.arm import JOINTS, LIMBS, MAX_SPEED_RAD_S, arm_joints
-from baxter_kin.validation import FloatArray, expect, positive_scalar
+from baxter_kin.fields import evolve
+from baxter_kin.kinematics.arm import JOINTS, LIMBS, MAX_SPEED_RAD_S
+from baxter_kin.validation import FloatArray, expect
 from planner import (
     Grip,
     Manipulator,
     Move,
     Plan,
-    Response,
     TrackingProof,
     TwoArmCertificate,
     TwoArmPlan,
@@ -49,21 +42,21 @@ from planner import (
     verify_both,
 )
 from planner.completion import complete
-from planner.grasping.hand import reported_finger_m
 from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
 from planner.pick_place.tracking import START_RAD
 from planner.state import State
 from sim.errors import RosError, SimulationError
 from sim.ros1.execution.guard import KEPT_M, MAX_OFF_RAD, MoveClearance, clearances_of
-from sim.ros1.execution.link import (
-    ELECTRIC,
-    JOINT_STATES,
-    STATE,
-    BaxterLink,
-    command_topic,
+from sim.ros1.execution.link import JOINT_STATES, BaxterLink
+from sim.ros1.execution.readiness.ready import (
+    ExecutionOptions,
+    Finding,
+    Readiness,
+    ReadyPlan,
+    ReadyTwoArmPlan,
 )
+from sim.ros1.execution.readiness.robot import check_robot, described_robot, measured_joints
 from sim.ros1.execution.set_points import (
-    Pace,
     SentMotion,
     parts_of,
     ramp_s_for,
@@ -71,20 +64,8 @@ from sim.ros1.execution.set_points import (
     speed_ratio_for,
     too_fast,
 )
-from sim.simulation import Dwell
-
-VERSIONS = re.compile(r"1\.2\.\d+")
-"""Versions of the RSDK that have this interface."""
-
-MIN_RATE_HZ = 50.0
 
 HEAD = "head_pan"
-
-LISTEN_S = 1.2
-"""How long joint states are received before their rate is judged."""
-
-FIRST_S = 3.0
-"""Time limit for the robot's first message."""
 
 TRACKING_MARGIN_RAD = 0.02
 """Added to the proven deviation to give the guard's bound on a joint."""
@@ -99,340 +80,6 @@ is carried out: nobody has asked for that move."""
 
 _LOG = logging.getLogger(__name__)
 """Announces what takes seconds."""
-
-
-def _kept(given: object) -> object:
-    """A read-only copy of a mapping; anything else as it is."""
-    return FrozenMapping(given) if isinstance(given, Mapping) else given
-
-
-@frozen(error=SimulationError, eq=True)
-class ExecutionOptions:
-    """How a plan is executed.
-
-    Attributes:
-        pace: speed and lead.
-        dwell: minimum duration of closing and opening; a second each, as in the original.
-        timeout_s: of the whole execution; None for none.
-        response: how the arms follow, for the tracking proof: one response of each arm that is
-            driven, or "left" and "right" -> their own; None where it is not known. Speed and lead
-            are those of the pace.
-        despite_lag: whether a simulated Baxter executes what the tracking proof refuses.
-
-    Raises:
-        SimulationError: when a value has the wrong type, or the time-out is not above zero.
-    """
-
-    pace: Pace = field(factory=Pace)
-    dwell: Dwell = field(factory=lambda: Dwell(1.0, 1.0))
-    timeout_s: float | None = None
-    response: Response | Mapping[str, Response] | None = field(default=None, converter=_kept)
-    despite_lag: bool = False
-
-    def __attrs_post_init__(self) -> None:
-        if self.timeout_s is not None:
-            positive_scalar(self.timeout_s, "timeout_s", SimulationError)
-
-    def response_of(self, limb: str) -> Response | None:
-        """An arm's response at the speed and lead of the pace; None where it is not known."""
-        given = self.response
-        own = given.get(limb) if isinstance(given, Mapping) else given
-        if own is None:
-            return None
-        return evolve(own, speed=self.pace.speed, lead_s=self.pace.lead_s)
-
-    @property
-    def rest_s(self) -> float:
-        """Minimum time that a motion's last set-point stands; the tracking proof assumes it."""
-        known = [self.response_of(limb) for limb in LIMBS]
-        none = Response((0.0, 0.0), speed=self.pace.speed)
-        return max((each or none).rest_s for each in known)
-
-
-@frozen(error=SimulationError, eq=True)
-class Finding:
-    """One condition, and whether it holds.
-
-    Attributes:
-        name: of the condition, such as "joint states".
-        is_ok: whether it holds.
-        text: what was found; where it does not hold, what to do.
-    """
-
-    name: str
-    is_ok: bool
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.text}"
-
-    def _facts(self) -> tuple[str, ...]:
-        return "ok" if self.is_ok else "not ok", phrase(self.name), self.text
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ReadyPlan(OneLine):
-    """A plan that may be executed now.
-
-    Attributes:
-        plan: complete, with the move to its start where one is needed.
-        options: how it is executed, as it was checked.
-        manipulator: the arm of the robot as it describes itself.
-        clearances: of each move.
-        duration_s: how long the arm moves, as it is sent.
-        peaks: greatest speeds that are sent, shape (7,), rad/s.
-        ratio: the speed ratio that the robot is given.
-    """
-
-    plan: Plan
-    options: ExecutionOptions
-    manipulator: Manipulator
-    clearances: tuple[MoveClearance, ...]
-    duration_s: float
-    peaks: FloatArray
-    ratio: float
-
-    @property
-    def robot(self) -> Baxter:
-        """The robot as it describes itself."""
-        return self.manipulator.robot
-
-    @property
-    def summary(self) -> str:
-        """Duration, peak speed and ratio in one line."""
-        worst = int(self.peaks.argmax())
-        return (
-            f"{self.plan.limb} arm, {count(len(self.plan.moves), 'move')}, "
-            f"{seconds(self.duration_s)} of motion, up to {self.peaks[worst]:.2f} rad/s "
-            f"({JOINTS[worst]}), speed ratio {self.ratio:.2f}"
-        )
-
-    def guarded(self) -> Iterator[str]:
-        """What each move is clear of, and what is excluded from that, a sentence each."""
-        for each in self.clearances:
-            text = f"{each.label}: {clear(min(each.clear_m))}"
-            if each.intended is not None:
-                text += f"; not guarded, as it is meant: {each.intended.text}"
-            yield text
-
-    def _facts(self) -> tuple[str, ...]:
-        return (self.summary,)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ReadyTwoArmPlan(OneLine):
-    """A plan of both arms that may be executed now.
-
-    Attributes:
-        plan: complete, from where the robot's joints are, with the moves to its start that are
-            needed.
-        arms: "left" and "right": each arm's own plan, ready in a world without the other arm.
-        apart_m: proven distance of both arms, with what they handle, at every instant of the clock.
-        ramp_s: how long the clock takes to slow to rest.
-        max_late_s: how late set-points may be in total between two waits of the clock, as the
-            tracking proof assumes; infinite without one.
-    """
-
-    plan: TwoArmPlan
-    arms: Mapping[str, ReadyPlan]
-    apart_m: float
-    ramp_s: float
-    max_late_s: float = math.inf
-
-    @property
-    def options(self) -> ExecutionOptions:
-        """How it is executed, as it was checked."""
-        return self.arms[LIMBS[0]].options
-
-    @property
-    def robot(self) -> Baxter:
-        """The robot as it describes itself."""
-        return self.arms[LIMBS[0]].robot
-
-    @property
-    def summary(self) -> str:
-        """Duration, distance of the arms, and what each arm does, in one line."""
-        duration_s = self.plan.duration_s / self.options.pace.speed
-        arms = "; ".join(self.arms[side].summary for side in LIMBS)
-        return f"{seconds(duration_s)} on one clock, {clear(self.apart_m)} of each other; {arms}"
-
-    def guarded(self) -> Iterator[str]:
-        """As `ReadyPlan.guarded`, of each arm in a world without the other one."""
-        for side in LIMBS:
-            yield from (f"{side} arm, {text}" for text in self.arms[side].guarded())
-
-    def _facts(self) -> tuple[str, ...]:
-        return (self.summary,)
-
-
-ReadyT_co = TypeVar("ReadyT_co", ReadyPlan, ReadyTwoArmPlan, covariant=True)
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Readiness(OneLine, Generic[ReadyT_co]):
-    """What was found before anything is sent.
-
-    Attributes:
-        findings: all conditions that were checked, in order.
-        ready: what would be sent; None where a condition does not hold.
-    """
-
-    findings: tuple[Finding, ...]
-    ready: ReadyT_co | None
-
-    @property
-    def failures(self) -> tuple[Finding, ...]:
-        """The conditions that do not hold."""
-        return tuple(finding for finding in self.findings if not finding.is_ok)
-
-    def _facts(self) -> tuple[str, ...]:
-        return (count(len(self.findings), "finding"), f"{len(self.failures)} not ok")
-
-
-class NotReadyError(SimulationError):
-    """A plan was not executed, as a condition does not hold; nothing was sent.
-
-    Attributes:
-        readiness: what was found.
-    """
-
-    def __init__(self, readiness: Readiness[ReadyPlan] | Readiness[ReadyTwoArmPlan]) -> None:
-        self.readiness = readiness
-        super().__init__("; ".join(map(str, readiness.failures)))
-
-
-# The robot
-
-
-def check_robot(
-    link: BaxterLink, limbs: Sequence[str] = LIMBS, *, grips: Sequence[str] = LIMBS
-) -> tuple[Finding, ...]:
-    """Listen to a robot for a moment and check all conditions; nothing is sent.
-
-    Args:
-        link: to the robot.
-        limbs: the arms that are to be driven.
-        grips: those whose grippers are to act.
-    """
-    _LOG.info("listening to the robot of %s", link.node.master_uri)
-    link.wait_until(lambda: link.robot is not None, FIRST_S)
-    names = [name for limb in limbs for name in arm_joints(limb)]
-    if link.wait_until(lambda: not link.joints.missing(names), FIRST_S):
-        time.sleep(LISTEN_S)
-    return (
-        _version(link),
-        *_state(link),
-        *_joints(link, names),
-        *(_commanders(link, limb) for limb in limbs),
-        *(_gripper(link, limb) for limb in grips),
-    )
-
-
-def _version(link: BaxterLink) -> Finding:
-    version = link.version
-    if version is None:
-        return Finding("version", False, "the parameter /rethink/software_version is missing")
-    is_ok = VERSIONS.match(version) is not None
-    return Finding(
-        "version", is_ok, version if is_ok else f"{version}; only RSDK 1.2.x is supported"
-    )
-
-
-def _state(link: BaxterLink) -> Iterator[Finding]:
-    publishers = link.node.publishers_of(STATE)
-    text = ", ".join(publishers) or "nobody"
-    is_one = len(publishers) == 1
-    advice = "" if is_one else f"; exactly one must publish {STATE}: end the others"
-    yield Finding("state publisher", is_one, f"{text}{advice}")
-    report = link.robot
-    if report is None:
-        yield Finding("state", False, f"nothing was received on {STATE} within {FIRST_S:g} s")
-    elif report.is_stopped:
-        button = "its emergency stop is pressed" if report.is_estop_pressed else "it was stopped"
-        yield Finding("state", False, f"{button}; release and reset it by hand")
-    elif report.has_error:
-        yield Finding("state", False, "the robot reports an error; look at its display and log")
-    else:
-        yield Finding("state", True, "enabled" if report.is_enabled else "ready, not enabled yet")
-
-
-def _joints(link: BaxterLink, names: Sequence[str]) -> Iterator[Finding]:
-    missing, now_s = link.joints.missing(names), time.monotonic()
-    if missing:
-        text = f"nothing was received of {', '.join(missing)} on {JOINT_STATES}"
-        yield Finding("joint states", False, text)
-        return
-    senders = {name: link.joints.senders(name, now_s) for name in names}
-    doubled = next((name for name in names if len(senders[name]) != 1), None)
-    if doubled is not None:
-        who = " and ".join(sorted(senders[doubled])) or "nobody any more"
-        yield Finding("joint states", False, f"{doubled} is published by {who}; end all but one")
-    rates = {name: link.joints.rate_hz(name, now_s) for name in names}
-    slowest = min(rates, key=lambda name: rates[name])
-    is_fast = rates[slowest] >= MIN_RATE_HZ
-    text = f"{rates[slowest]:.0f} Hz at least"
-    if not is_fast:
-        text = f"{slowest} comes at {rates[slowest]:.0f} Hz; {MIN_RATE_HZ:g} Hz are needed"
-    if doubled is None:
-        text += f", by {', '.join(sorted({publishers[0] for publishers in senders.values()}))}"
-    if doubled is None or not is_fast:
-        yield Finding("joint states", is_fast, text)
-
-
-def _commanders(link: BaxterLink, limb: str) -> Finding:
-    topic, name = command_topic(limb), f"{limb} arm"
-    others = link.others_of(topic)
-    if others:
-        text = f"{', '.join(others)} may command it by {topic}; end that first"
-        return Finding(name, False, text)
-    if not [reader for reader in link.node.subscribers_of(topic) if reader != link.node.name]:
-        return Finding(name, False, f"nobody listens to {topic}")
-    return Finding(name, True, "nobody else commands it")
-
-
-def _gripper(link: BaxterLink, limb: str) -> Finding:
-    name = f"{limb} gripper"
-    link.wait_until(lambda: link.gripper(limb) is not None, 1.0)
-    report, kind = link.gripper(limb), link.gripper_kind(limb)
-    if report is None:
-        return Finding(name, False, "reports nothing; is there one?")
-    if kind is not None and kind != ELECTRIC:
-        return Finding(name, False, f"has type {kind}; only the electric gripper is supported")
-    if report.has_error:
-        return Finding(name, False, "reports an error")
-    if not report.is_calibrated:
-        return Finding(name, False, "is not calibrated; calibrate it first")
-    return Finding(name, True, f"calibrated, {report.percent:.0f} % open")
-
-
-def described_robot(text: str | None) -> Baxter:
-    """The robot that a description on the network describes.
-
-    Raises:
-        RosError: when there is none, or it cannot be read.
-    """
-    if text is None:
-        raise RosError("the parameter /robot_description is missing")
-    try:
-        return Baxter.load(text)
-    except BaxterError as cause:
-        raise RosError(f"/robot_description cannot be read: {cause}") from cause
-
-
-def measured_joints(link: BaxterLink, robot: Baxter) -> dict[str, float]:
-    """The joints of a robot that are known, by name: as measured, fingers as grippers report."""
-    measured = link.joints.positions()
-    joints = {name: measured[name] for name in robot.joint_names if name in measured}
-    for side in LIMBS:
-        report, (first, second) = link.gripper(side), finger_joints(side)
-        if report is not None and first in robot.joint_names:
-            stroke_m = float(robot.model.upperPositionLimit[robot.indices((first,))[0]])
-            finger_m = reported_finger_m(report.percent, stroke_m)
-            joints |= {first: finger_m, second: -finger_m}
-    return joints
-
-
-# The plan
 
 
 def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness[ReadyPlan]:
