@@ -270,7 +270,7 @@ def test_an_arm_that_does_not_come_to_rest_is_named(
     network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Gravity, say: always a degree below where it should be."""
-    monkeypatch.setattr("sim.ros1.execution.execution.SETTLE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("sim.ros1.execution.tracks.SETTLE_TIMEOUT_S", 0.5)
     network.robot.sag = {"left_s1": 0.012}
     outcome = network.executor().execute(ready)
     assert outcome.stop is not None
