@@ -10,6 +10,9 @@ each interval of a motion it is linearised where it is smallest. This is no proo
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import coal
@@ -46,23 +49,38 @@ class LinearBounds(NamedTuple):
         weights: of the four controls at the time of each bound, shape (n, 4).
         coefficients: for each interval and pair, the gradient, m/rad, and the constant term, m, of
             the linearised excess, shape (n, PAIRS, J + 1).
-        least_m: the smallest excess in each interval, shape (n,), m; where nothing is near, the
-            reach.
     """
 
     weights: FloatArray
     coefficients: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SampledDistances:
+    """The excess of distances over the required ones at samples of a motion.
+
+    Attributes:
+        least_m: the smallest excess in each interval, shape (n,), m; where nothing is near, the
+            reach.
+        linearise: what computes `linear`.
+    """
+
     least_m: FloatArray
+    linearise: Callable[[], LinearBounds]
+
+    @cached_property
+    def linear(self) -> LinearBounds:
+        """Linear bounds near the motion, which cost as much again as the samples."""
+        return self.linearise()
 
     @property
     def excess_m(self) -> float:
         """The smallest excess in all intervals."""
         return float(self.least_m.min())
 
-    @property
-    def missing_m(self) -> float:
-        """The sum of what is missing in each interval."""
-        return float(-self.least_m.clip(max=0.0).sum())
+    def missing_m(self, tolerated_m: float) -> float:
+        """The sum of what is missing in each interval, beyond what is tolerated there."""
+        return float(-(self.least_m + tolerated_m).clip(max=0.0).sum())
 
 
 class NearPairs(NamedTuple):
@@ -113,36 +131,39 @@ class Obstacles:
         if len(resting):
             self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
-    def bounds(self, controls: FloatArray, reach_m: float = REACH_M) -> LinearBounds:
-        """Bounds near a motion by its controls, shape (n + 3, J).
+    def sampled(self, controls: FloatArray, reach_m: float = REACH_M) -> SampledDistances:
+        """Distances along a motion by its controls, shape (n + 3, J).
 
         Pairs whose excess is not below `reach_m` are not constrained.
         """
         fractions = np.arange(SAMPLES) / SAMPLES
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, J, 4
-        intervals = len(windows)
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, controls.shape[1])
         placed = self._motion_bounds.place(self._full, qs)
         bounds = self._bounds_m(placed, reach_m)
-        least = np.full(len(qs), reach_m)
-        for first in range(0, len(qs), SAMPLES):
+        least = np.full((len(windows), SAMPLES), reach_m)
+        for interval, of_samples in enumerate(least):
             within_m = reach_m
-            for k in range(first, first + SAMPLES):
+            for sample in range(SAMPLES):
+                k = SAMPLES * interval + sample
                 for excess, _ in self._nearest(placed, k, bounds[k], 1, within_m):
-                    least[k] = within_m = excess
-        by_interval = least.reshape(intervals, SAMPLES)
-        deepest = by_interval.argmin(axis=1)
-        chosen = SAMPLES * np.arange(intervals) + deepest
-        near = self._linear(placed, bounds, chosen[least[chosen] < reach_m], PAIRS, reach_m)
-        interval = near.number // SAMPLES
-        row = np.arange(len(interval)) - np.searchsorted(interval, interval)
-        coefficients = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
-        coefficients[:, :, -1] = reach_m
-        coefficients[interval, row, :-1] = near.slopes
-        here = np.einsum("ij,ij->i", near.slopes, qs[near.number])
-        coefficients[interval, row, -1] = near.excess_m - here
-        weights = weights_at(fractions[deepest])
-        return LinearBounds(weights, coefficients, by_interval.min(axis=1))
+                    of_samples[sample] = within_m = excess
+
+        def linearise() -> LinearBounds:
+            deepest = least.argmin(axis=1)
+            chosen = SAMPLES * np.arange(len(least)) + deepest
+            is_near = least.min(axis=1) < reach_m
+            near = self._linear(placed, bounds, chosen[is_near], PAIRS, reach_m)
+            interval = near.number // SAMPLES
+            row = np.arange(len(interval)) - np.searchsorted(interval, interval)
+            coefficients = np.zeros((len(least), PAIRS, qs.shape[1] + 1))
+            coefficients[:, :, -1] = reach_m
+            coefficients[interval, row, :-1] = near.slopes
+            here = np.einsum("ij,ij->i", near.slopes, qs[near.number])
+            coefficients[interval, row, -1] = near.excess_m - here
+            return LinearBounds(weights_at(fractions[deepest]), coefficients)
+
+        return SampledDistances(least.min(axis=1), linearise)
 
     def nearest(self, qs: FloatArray, most: int, within_m: float = REACH_M) -> NearPairs:
         """The smallest excesses of distances at configurations, and their gradients.

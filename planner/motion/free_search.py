@@ -278,7 +278,7 @@ class Search:
         """
         for lead in leads:
             near = obstacles
-            if lead is led_along and obstacles.bounds(sketch.controls).excess_m < -TOUCHING_M:
+            if lead is led_along and obstacles.sampled(sketch.controls).excess_m < -TOUCHING_M:
                 near = self.context.obstacles(self.margin_m, sketch.q)
             found = self._led(near, sketch, lead)
             if found is not None:

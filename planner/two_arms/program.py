@@ -28,7 +28,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.obstacles import LinearBounds, NearPairs, Obstacles
+from planner.collision.obstacles import NearPairs, Obstacles, SampledDistances
 from planner.motion.program import motion_program
 from planner.motion.program.motion_program import (
     EXTRA_MARGIN_M,
@@ -131,10 +131,10 @@ class ArmTrack:
         intervals = (phase.intervals for phase in self.phases)
         return Timed(tuple(Sketch.of_each(motions, intervals)), waits_s)
 
-    def bounds(self, sketches: Sequence[Sketch]) -> list[LinearBounds]:
-        """Bounds on the distances from its own obstacles near a motion."""
+    def sampled(self, sketches: Sequence[Sketch]) -> list[SampledDistances]:
+        """The distances from its own obstacles along a motion."""
         pairs = zip(self.obstacles, sketches, strict=True)
-        return [near.bounds(sketch.controls, OWN_REACH_M) for near, sketch in pairs]
+        return [near.sampled(sketch.controls, OWN_REACH_M) for near, sketch in pairs]
 
 
 class Timed(NamedTuple):
@@ -167,14 +167,14 @@ class Near(NamedTuple):
 
     Attributes:
         timed: of the left and the right arm.
-        bounds: on the distances from each arm's own obstacles, in each phase.
+        sampled: the distances from each arm's own obstacles, in each phase.
         cost_s: what is minimised: the makespan, and a share of both tracks' durations.
         missing: distances that are missing, weighted, in units of time.
         excess_m: the smallest excess of all distances.
     """
 
     timed: tuple[Timed, ...]
-    bounds: tuple[list[LinearBounds], ...]
+    sampled: tuple[list[SampledDistances], ...]
     cost_s: float
     missing: float
     excess_m: float
@@ -316,19 +316,19 @@ class JointProgram:
 
     def near(self, guess: Sequence[Timed]) -> Near:
         """The distances near a guess."""
-        bounds = tuple(arm.bounds(t.sketches) for arm, t in zip(self.arms, guess, strict=True))
+        sampled = tuple(arm.sampled(t.sketches) for arm, t in zip(self.arms, guess, strict=True))
         clocks = self.clocks(guess)
         ends_s = [clock.end_s for clock in clocks]
         times = np.linspace(0.0, max(ends_s), INSTANTS)
         qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
         numbers = [clock.episodes_at(times) for clock in clocks]
         excess_m = self.least_m(numbers, qs)
-        own = [each for of_arm in bounds for each in of_arm]
+        own = [each for of_arm in sampled for each in of_arm]
         missing = SHORTFALL_PER_M * float(-excess_m.clip(max=0.0).sum())
-        missing += motion_program.SHORTFALL_PER_M * sum(each.missing_m for each in own)
+        missing += motion_program.SHORTFALL_PER_M * sum(each.missing_m(0.0) for each in own)
         least_m = min(float(excess_m.min()), *(each.excess_m for each in own))
         cost_s = max(ends_s) + OWN_SHARE * sum(ends_s)
-        return Near(tuple(guess), bounds, cost_s, missing, least_m)
+        return Near(tuple(guess), sampled, cost_s, missing, least_m)
 
     def least_m(self, episodes: Sequence[Indices], qs: FloatArray) -> FloatArray:
         """The smallest excess of the distances between both arms, at most zero, shape (n,), m.
@@ -362,9 +362,13 @@ class JointProgram:
         """
         guess, unit_s, trust_share = near.timed, near.unit_s, trust * TRUST_SHARE
         tracks = [arm.track for arm in self.arms]
+        clear = [
+            Clearances([each.linear for each in of_arm], trust * TRUST_RAD)
+            for of_arm in near.sampled
+        ]
         parts = [
-            track.program.part(timed.sketches, track, unit_s, Clearances(bounds, trust * TRUST_RAD))
-            for track, timed, bounds in zip(tracks, guess, near.bounds, strict=True)
+            track.program.part(timed.sketches, track, unit_s, clearances)
+            for track, timed, clearances in zip(tracks, guess, clear, strict=True)
         ]
         x0, low, high = (
             np.concatenate([part.inputs[name] for part in parts]) for name in ("x0", "lbx", "ubx")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm, JointLimits
 from planner.collision import Clearance
 from planner.collision.context import CollisionContext
-from planner.collision.obstacles import PAIRS, REACH_M, LinearBounds, Obstacles
+from planner.collision.obstacles import PAIRS, REACH_M, LinearBounds, Obstacles, SampledDistances
 from planner.splines import weights_at
 
 FloatArray = NDArray[np.float64]
@@ -114,7 +114,7 @@ class ToyObstacles(Obstacles):
 
     space: ToySpace
 
-    def bounds(self, controls: FloatArray, reach_m: float = REACH_M) -> LinearBounds:
+    def sampled(self, controls: FloatArray, reach_m: float = REACH_M) -> SampledDistances:
         """In the middle of each interval, shape (n + 3, 7)."""
         weights = weights_at(np.array([0.5]))
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
@@ -131,7 +131,8 @@ class ToyObstacles(Obstacles):
                 row[:2] = np.array(ahead) / 2e-6
                 row[-1] = excess - row[:2] @ q[:2]
                 least[-1] = min(least[-1], excess)
-        return LinearBounds(np.tile(weights, (len(qs), 1)), numbers, np.array(least))
+        linear = LinearBounds(np.tile(weights, (len(qs), 1)), numbers)
+        return SampledDistances(np.array(least), lambda: linear)
 
 
 DISC = Disc(0.0, 0.0, 0.8)

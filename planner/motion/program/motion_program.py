@@ -30,7 +30,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
-from planner.collision.obstacles import LinearBounds, Obstacles
+from planner.collision.obstacles import Obstacles, SampledDistances
 from planner.motion.paths.straight_line import Turn
 from planner.motion.program.rows import (
     ClearanceRows,
@@ -477,17 +477,17 @@ def led_around(
         enough_s: no faster motion than this is sought.
     """
     clear_motions: list[Motions] = []
-    failures, trust_rad, bounds = 0, TRUST_RAD, _bounds(obstacles, sketches)
+    failures, trust_rad, sampled = 0, TRUST_RAD, _sampled(obstacles, sketches)
     for number in range(1, MAX_ROUNDS + 1):
-        led = solve(sketches, Clearances(bounds, trust_rad))
+        led = solve(sketches, Clearances([each.linear for each in sampled], trust_rad))
         if led is None or number > MAX_ROUNDS // 2:
             trust_rad *= TRUST_DECAY
         if led is None:
             failures += 1
         else:
             sketches = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
-            bounds = _bounds(obstacles, sketches)
-            if min(each.excess_m for each in bounds) > -MARGIN_TOLERANCE_M:
+            sampled = _sampled(obstacles, sketches)
+            if min(each.excess_m for each in sampled) > -MARGIN_TOLERANCE_M:
                 clear_motions.insert(0, led)
         is_hopeless = failures > MAX_FAILURES or (
             number >= MAX_ROUNDS_TO_CLEAR and not clear_motions
@@ -511,15 +511,15 @@ def led_along(
     small changes only; this takes more rounds than `led_around`.
     """
     clear_motions: list[Motions] = []
-    trust_rad, bounds = SHORT_TRUST_RAD, _bounds(obstacles, sketches)
-    excess_m = min(each.excess_m for each in bounds)
+    trust_rad, sampled = SHORT_TRUST_RAD, _sampled(obstacles, sketches)
+    excess_m = min(each.excess_m for each in sampled)
     for _ in range(MAX_SHORT_ROUNDS):
-        led = solve(sketches, Clearances(bounds, trust_rad))
+        led = solve(sketches, Clearances([each.linear for each in sampled], trust_rad))
         is_accepted, is_clear = False, False
         if led is not None:
             nearer = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
-            bounds_there = _bounds(obstacles, nearer)
-            excess_there_m = min(each.excess_m for each in bounds_there)
+            sampled_there = _sampled(obstacles, nearer)
+            excess_there_m = min(each.excess_m for each in sampled_there)
             is_clear = excess_there_m > -MARGIN_TOLERANCE_M
             is_accepted = excess_there_m > min(excess_m, -TOLERATED_M)
         if not is_accepted:
@@ -527,7 +527,7 @@ def led_along(
             if trust_rad < MIN_TRUST_RAD:
                 break
             continue
-        sketches, bounds, excess_m = nearer, bounds_there, excess_there_m
+        sketches, sampled, excess_m = nearer, sampled_there, excess_there_m
         if led is not None and is_clear:
             trust_rad = min(TRUST_RAD, trust_rad * ACCEPTED)
             clear_motions.insert(0, led)
@@ -536,8 +536,8 @@ def led_along(
     return clear_motions
 
 
-def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[LinearBounds]:
-    return [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
+def _sampled(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[SampledDistances]:
+    return [near.sampled(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
 
 
 def _is_good(clear_motions: Sequence[Motions], enough_s: float) -> bool:

@@ -145,11 +145,11 @@ def test_linear_bounds_change_with_the_joints_of_both_arms(
     checker: BothArms, full: FloatArray, neutral: FloatArray
 ) -> None:
     obstacles = CollisionContext(checker, full).obstacles(0.0, np.zeros((0, 14)))
-    numbers = obstacles.bounds(np.tile(neutral, (4, 1))).coefficients[0]
+    numbers = obstacles.sampled(np.tile(neutral, (4, 1))).linear.coefficients[0]
     nearest = numbers[np.argmin(numbers @ [*neutral, 1.0])]
     steps = STEP_RAD * np.eye(14)
     ahead, behind = (
-        [obstacles.bounds(np.tile(neutral + step, (4, 1))).excess_m for step in sign * steps]
+        [obstacles.sampled(np.tile(neutral + step, (4, 1))).excess_m for step in sign * steps]
         for sign in (1.0, -1.0)
     )
     slopes = (np.array(ahead) - behind) / (2.0 * STEP_RAD)

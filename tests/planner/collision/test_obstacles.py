@@ -47,7 +47,7 @@ def test_bounds_are_distances_and_their_derivatives(
 ) -> None:
     """Compared with distances measured at changed configurations."""
     obstacles = obstacles_of(around, NONE, MARGIN_M)
-    bounds = obstacles.bounds(controls)
+    bounds = obstacles.sampled(controls).linear
     near = 0
     for q, rows in zip(positions(controls, bounds.weights), bounds.coefficients, strict=True):
         excess = np.sort(rows @ [*q, 1.0])
@@ -66,25 +66,26 @@ def test_the_nearest_pairs_at_configurations_are_those_of_bounds(
     around: CollisionContext, controls: FloatArray
 ) -> None:
     obstacles = obstacles_of(around, NONE, MARGIN_M)
-    bounds = obstacles.bounds(controls)
+    sampled = obstacles.sampled(controls)
+    bounds = sampled.linear
     qs = positions(controls, bounds.weights)
     near = obstacles.nearest(qs, most=1)
     assert near.number.tolist() == list(range(INTERVALS))
-    np.testing.assert_allclose(near.excess_m, bounds.least_m, atol=1e-9)
+    np.testing.assert_allclose(near.excess_m, sampled.least_m, atol=1e-9)
     np.testing.assert_allclose(near.slopes, bounds.coefficients[:, 0, :-1], atol=1e-12)
-    assert not len(obstacles.nearest(qs, most=1, within_m=bounds.excess_m).number)
+    assert not len(obstacles.nearest(qs, most=1, within_m=sampled.excess_m).number)
 
 
 def least_excess(obstacles: Obstacles, q: FloatArray) -> float:
     """The smallest excess over a motion that rests."""
-    return obstacles.bounds(np.tile(q, (4, 1))).excess_m
+    return obstacles.sampled(np.tile(q, (4, 1))).excess_m
 
 
 def test_each_interval_is_bounded_where_it_is_nearest(
     around: CollisionContext, controls: FloatArray
 ) -> None:
     obstacles = obstacles_of(around, NONE, MARGIN_M)
-    bounds = obstacles.bounds(controls)
+    bounds = obstacles.sampled(controls).linear
     for fraction in np.arange(SAMPLES) / SAMPLES:
         weights = np.tile(weights_at(np.array([fraction])), (INTERVALS, 1))
         others = [least_excess(obstacles, q) for q in positions(controls, weights)]
@@ -127,6 +128,6 @@ def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     mesh = Mesh(np.array(corners), np.array(triangles))
     body = Body("sheet", (Part(mesh, at(0.0, 0.0, 0.0)),), at(x + 0.1, y, z))
     around = manipulator.context(Scene.of([body]), finger_m=manipulator.finger_m)
-    first, second = (obstacles_of(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
+    first, second = (obstacles_of(around, NONE, MARGIN_M).sampled(controls) for _ in range(2))
     assert 0.0 < first.excess_m < 0.1
-    np.testing.assert_array_equal(first.coefficients, second.coefficients)
+    np.testing.assert_array_equal(first.linear.coefficients, second.linear.coefficients)

@@ -186,9 +186,7 @@ def random_bounds(rng: np.random.Generator) -> list[LinearBounds]:
     for phase in PHASES:
         numbers = rng.normal(size=(phase.intervals, PAIRS, JOINTS + 1))
         numbers[rng.random((phase.intervals, PAIRS)) < 0.3] = [*np.zeros(JOINTS), REACH_M]
-        bounds.append(
-            LinearBounds(rng.normal(size=(phase.intervals, 4)), numbers, np.zeros(phase.intervals))
-        )
+        bounds.append(LinearBounds(rng.normal(size=(phase.intervals, 4)), numbers))
     return bounds
 
 
@@ -222,7 +220,7 @@ def test_where_nothing_is_near_there_are_no_rows() -> None:
     unknowns = Unknowns.of(PHASES, JOINTS)
     nothing = np.zeros((INTERVALS, PAIRS, JOINTS + 1))
     nothing[:, :, JOINTS] = REACH_M
-    bounds = [LinearBounds(np.zeros((INTERVALS, 4)), nothing, np.full(INTERVALS, REACH_M))]
+    bounds = [LinearBounds(np.zeros((INTERVALS, 4)), nothing)]
     rows = clearance_rows(unknowns, bounds, np.zeros(2 * JOINTS))
     assert rows.matrix.shape == (0, unknowns.count + INTERVALS)
     assert rows.shortfalls == INTERVALS
