@@ -60,6 +60,10 @@ OWN_REACH_M = 0.05
 """An arm's own obstacles are constrained when they are nearer: it keeps clear of them before the
 other arm is there, and there are many rounds."""
 
+TOLERATED_M = 0.002
+"""Excess of a distance below zero that counts as nothing when motions are judged: much less than
+`EXTRA_MARGIN_M`. A step along linearised distances always loses some tenths of a millimetre."""
+
 OWN_SHARE = 0.02
 """Weight of all durations and waits in the objective."""
 
@@ -169,8 +173,8 @@ class Near(NamedTuple):
         timed: of the left and the right arm.
         sampled: the distances from each arm's own obstacles, in each phase.
         cost_s: what is minimised: the makespan, and a share of both tracks' durations.
-        missing: distances that are missing, weighted, in units of time.
-        excess_m: the smallest excess of all distances.
+        missing: distances that are missing beyond `TOLERATED_M`, weighted, in units of time.
+        excess_m: the smallest excess of all distances, where that is below minus `TOLERATED_M`.
     """
 
     timed: tuple[Timed, ...]
@@ -322,24 +326,27 @@ class JointProgram:
         times = np.linspace(0.0, max(ends_s), INSTANTS)
         qs = np.concatenate([clock.states(times)[0] for clock in clocks], axis=1)
         numbers = [clock.episodes_at(times) for clock in clocks]
-        excess_m = self.least_m(numbers, qs)
+        excess_m = self.least_m(numbers, qs, -TOLERATED_M)
         own = [each for of_arm in sampled for each in of_arm]
-        missing = SHORTFALL_PER_M * float(-excess_m.clip(max=0.0).sum())
-        missing += motion_program.SHORTFALL_PER_M * sum(each.missing_m(0.0) for each in own)
+        missing = SHORTFALL_PER_M * float(-(excess_m + TOLERATED_M).sum())
+        missing += motion_program.SHORTFALL_PER_M * sum(each.missing_m(TOLERATED_M) for each in own)
         least_m = min(float(excess_m.min()), *(each.excess_m for each in own))
         cost_s = max(ends_s) + OWN_SHARE * sum(ends_s)
         return Near(tuple(guess), sampled, cost_s, missing, least_m)
 
-    def least_m(self, episodes: Sequence[Indices], qs: FloatArray) -> FloatArray:
-        """The smallest excess of the distances between both arms, at most zero, shape (n,), m.
+    def least_m(
+        self, episodes: Sequence[Indices], qs: FloatArray, within_m: float = 0.0
+    ) -> FloatArray:
+        """The smallest excess of the distances between both arms, shape (n,), m.
 
         Args:
             episodes: of the left and the right hand, shape (n,) each.
             qs: both arms' configurations, shape (n, 14), rad.
+            within_m: the result where no pair is nearer.
         """
         found = np.zeros(len(qs))
         for near, where in self._by_state(episodes):
-            found[where] = near.least_m(qs[where], 0.0)
+            found[where] = near.least_m(qs[where], within_m)
         return found
 
     def clocks(self, guess: Sequence[Timed]) -> list[Clock]:
