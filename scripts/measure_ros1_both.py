@@ -35,6 +35,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from itertools import product
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,7 +57,6 @@ from planner import (
     plan_together,
 )
 from sim import (
-    Event,
     EventKind,
     Recording,
     Simulation,
@@ -87,8 +87,8 @@ PLACED_M = 1e-3
 MOVING_RAD_S = 0.1
 """An arm that is slower does not show how late it is."""
 
-AFTER_S = 1.0
-"""When a stop is caused, after both arms have begun their first move."""
+AFTER_S = 0.3
+"""A stop is caused when both arms have moved for so long."""
 
 IN_THE_WAY, OBSTACLE_M = 0.6, 0.1
 """Share of the time in which both arms are on their first moves at which something is in the left
@@ -178,29 +178,29 @@ def listening(uri: str) -> Iterator[Callable[[], list[Heard]]]:
 
 
 class Samples(SampleObserver):
-    """Notes every tick of both arms, and does something once both arms have begun a move.
+    """Notes every tick of both arms, and does something once both have moved for a while.
 
     Attributes:
         of: each arm's samples.
-        then: done `AFTER_S` after that.
+        then: done when both arms have moved for `AFTER_S`.
     """
 
     def __init__(self) -> None:
         self.of: dict[str, list[Sample]] = {side: [] for side in LIMBS}
         self.then: Callable[[], object] | None = None
-        self._waiting = set(LIMBS)
-
-    def on_event(self, event: Event) -> None:
-        """Note that an arm has begun its first move."""
-        if event.kind is EventKind.MOVE_STARTED and "pick: approach" in event.text and event.side:
-            self._waiting.discard(event.side)
-            if not self._waiting and self.then is not None:
-                threading.Timer(AFTER_S, self.then).start()
-                self.then = None
+        self._stood_s = dict.fromkeys(LIMBS, np.inf)
 
     def on_sample(self, sample: Sample) -> None:
         """Note a tick."""
-        self.of[sample.limb].append(sample)
+        own = self.of[sample.limb]
+        if own:
+            turns = np.abs(np.subtract(sample.q_path, own[-1].q_path))
+            if turns.max() < MOVING_RAD_S * (sample.time_s - own[-1].time_s):
+                self._stood_s[sample.limb] = sample.time_s
+        own.append(sample)
+        if self.then is not None and sample.time_s - max(self._stood_s.values()) > AFTER_S:
+            threading.Thread(target=self.then).start()
+            self.then = None
 
     def skews_s(self) -> np.ndarray:
         """How much later the left arm is on its path than the right one, where both move, s."""
@@ -441,9 +441,10 @@ def _stop_rows(
 def obstructed(new_rig: NewRig, stage: Stage, robot: Baxter, runs: int) -> Iterator[Row]:
     """Something that the plan does not know is in the left arm's way; the robot stops it there."""
     plan, apart_s, wrong = stage.plans[0], list[float](), list[str]()
-    firsts = [next(t for t in plan.steps_of(side) if isinstance(t.step, Move)) for side in LIMBS]
-    both_s = max(t.begin_s for t in firsts), min(t.end_s for t in firsts)
-    q = plan.trajectory.sample(both_s[0] + IN_THE_WAY * (both_s[1] - both_s[0])).q[:7]
+    moves = [[t for t in plan.steps_of(side) if isinstance(t.step, Move)] for side in LIMBS]
+    spans_s = [(max(a.begin_s, b.begin_s), min(a.end_s, b.end_s)) for a, b in product(*moves)]
+    begin_s, end_s = max(spans_s, key=lambda span: span[1] - span[0])  # both move longest then
+    q = plan.trajectory.sample(begin_s + IN_THE_WAY * (end_s - begin_s)).q[:7]
     for _ in range(runs):
         with new_rig() as rig:
             ready = rig.prepared(plan)
