@@ -28,7 +28,7 @@ MAX_COARSE, MAX_FINE, MAX_REFINED = 14, 6, 3
 """Maximum number of rounds with few intervals, and with all of them; and how often these are solved
 for again with more intervals on lines."""
 
-JUDGED, HOPELESS = 5, 3.5
+JUDGED, HOPELESS = 4, 4.0
 """After this number of rounds, motions are given up whose merit is greater than this multiple of
 their cost: hardly any of these became clear later."""
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -35,8 +36,9 @@ STRIDE_M, MAX_STEPS, MAX_SLOW, SLOW = 0.02, 40, 3, 0.1
 """Travel of the tip in a step; maximum number of steps; and number of successive ones with a
 smaller share of that travel after which a line ends."""
 
-TURN_M, DAMPING = 0.02, 0.03
-"""Length that a turn of the hand by a radian counts as, and the damping of the joints, m/rad."""
+TURNS_M, DAMPING = (0.15, 0.02), 0.03
+"""Lengths that a turn of the hand by a radian counts as, on lines where it hardly turns and on
+others, and the damping of the joints, m/rad."""
 
 AWAY_RAD, AWAY_STEPS, AWAY_M = 0.06, 25, 0.1
 """Change of the joints in a step away from obstacles, number of steps, and the distance of
@@ -94,16 +96,16 @@ class Surroundings:
         """The longest of the ways along all lines; the first one that has the whole length."""
         longest = [q]
         R = self.arm.T_base_tip(q).rotation
-        for direction in (*(TOOL_AXES @ R.T), *UP_AND_BACK):
-            longest = max(longest, self._line(q, direction), key=self._travel_m)
+        for turn_m, direction in product(TURNS_M, (*(TOOL_AXES @ R.T), *UP_AND_BACK)):
+            longest = max(longest, self._line(q, direction, turn_m), key=self._travel_m)
             if self._travel_m(longest) >= LENGTH_M:
                 break
         return longest
 
-    def _line(self, q: FloatArray, direction: FloatArray) -> list[FloatArray]:
-        """A way along a line."""
+    def _line(self, q: FloatArray, direction: FloatArray, turn_m: float) -> list[FloatArray]:
+        """A way along a line, on which a turn by a radian counts as a length."""
         way, slow, start = [q], 0, self.arm.T_base_tip(q).translation
-        weights = np.array([1.0, 1.0, 1.0, TURN_M, TURN_M, TURN_M])
+        weights = np.array([1.0, 1.0, 1.0, turn_m, turn_m, turn_m])
         wanted = np.concatenate([STRIDE_M * direction, np.zeros(3)])
         done_m = 0.0
         while len(way) <= MAX_STEPS and slow <= MAX_SLOW and done_m < LENGTH_M:
