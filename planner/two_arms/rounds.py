@@ -52,12 +52,12 @@ def solutions(program: JointProgram, guess: Sequence[Timed]) -> list[Solution]:
     halves = [[COARSE] * len(arm.phases) for arm in program.arms]
     coarse = program.with_intervals(halves)
     rounds = _Rounds(coarse, coarse.resampled(guess), 1.0)
-    rounds.run(MAX_COARSE, needs_solution=False)
+    is_found = rounds.run(MAX_COARSE, needs_solution=False)
     for _ in range(1 + MAX_REFINED):
-        if not (rounds.clear or rounds.is_clear):
+        if not is_found:
             break
         rounds = _Rounds(program, program.resampled(rounds.near.timed), FINE_TRUST)
-        rounds.run(MAX_FINE, needs_solution=True)
+        is_found = rounds.run(MAX_FINE, needs_solution=True)
         strays = [_strays(program, solution) for solution in rounds.clear]
         each = zip(rounds.clear, strays, strict=True)
         kept = [solution for solution, of_arms in each if not any(map(any, of_arms))]
@@ -86,19 +86,15 @@ class _Rounds:
         self._program, self._trust = program, trust
         self.near, self.clear = program.near(guess), list[Solution]()
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether the last motions look clear."""
-        return self.near.excess_m > LEAST_EXCESS_M
-
-    def run(self, most: int, *, needs_solution: bool) -> None:
-        """Solve until motions that look clear have settled, up to a number of times.
+    def run(self, most: int, *, needs_solution: bool) -> bool:
+        """Solve until motions that look clear have settled; whether there are any.
 
         Args:
-            most: that number.
-            needs_solution: whether one of them must be a solution; what is between two of them
-                keeps limits and lines nearly.
+            most: maximum number of rounds.
+            needs_solution: whether one of them must be a solution. What is between two solutions
+                keeps limits and lines nearly, and is enough to begin with.
         """
+        is_found = False
         for number in range(1, most + 1):
             before_s = self.near.merit_s(self.near.unit_s)
             solution = self._program.solved(self.near, self._trust)
@@ -110,11 +106,13 @@ class _Rounds:
                 "round %d: step %g, merit %.3f s -> %.3f s, excess %.1f mm, trust %.2f",
                 *(number, step, before_s, after_s, 1e3 * self.near.excess_m, self._trust),
             )
-            is_found = bool(self.clear) if needs_solution else self.is_clear
+            looks_clear = self.near.excess_m > LEAST_EXCESS_M
+            is_found = bool(self.clear) or (looks_clear and not needs_solution)
             is_settled = is_found and before_s - after_s < SETTLED * before_s
             is_hopeless = number == JUDGED and after_s > HOPELESS * self.near.cost_s
             if is_settled or is_hopeless or self._trust < MIN_TRUST:
-                return
+                break
+        return is_found
 
     def _step(self, solution: Solution) -> float:
         """Take the first step that has a smaller merit; return it, or zero."""
