@@ -1,8 +1,8 @@
-"""What both arms must keep from each other: windows of the clock, and their proof.
+"""Proof that both arms keep clear of each other, in successive windows of the common clock.
 
 Each arm's own plan is proven in a world without the other arm and without the bodies that the other
-arm handles. What is left are the pairs of one arm, its hand and the bodies that it handles with the
-other arm, its hand and its bodies. These are proven here, on the common clock.
+arm handles. The remaining pairs are those of one arm, its hand and the bodies that it handles with
+the other arm, its hand and its bodies. These pairs are proven here.
 
 Which of these shapes exist, and what carries them, changes only when a hand grips. So an arm goes
 through successive `HandState`s: before it closes on a body, while it closes, while it holds the
@@ -12,17 +12,17 @@ separation along the walk from one hand to the other (`planner.collision.mover`)
 
 A body that is handed over (`Grip.receiver`) belongs to the giver's shapes until the giver has
 arrived where it hands the body over, and to the taker's from the taker's next move on. In between,
-the body rests there. It does in both arms' own worlds, too, so their own plans prove that each hand
-keeps clear of it, except for intended contacts.
+the body rests at that place. It also rests there in each arm's own world, so each arm's own plan
+proves that its hand keeps clear of the body, except for intended contacts.
 
 While a hand grips, its arm rests, but fingers and body move inside the hand, and the other arm
 moves on. The shapes then stand at fixed poses and are thicker:
 
-- fingers are at the middle of their travel, and thicker by half of it: each point of a finger that
-  travels is within that distance of its place there;
-- a body that is pushed by closing fingers, or settles after it was released, is where it begins,
-  and thicker by the greatest distance that any of its points has moved at the end. This assumes
-  that no point is farther away in between, as on a straight push, and on a fall of a few
+- fingers stand at the middle of their travel, and are thicker by half of it: no point of a finger
+  moves farther than that from its position there;
+- a body that is pushed by closing fingers, or settles after its release, stands at its initial
+  pose, and is thicker by the maximum displacement of its points at the end. This assumes that no
+  point is displaced farther in between, which holds for a straight push, and for a fall of a few
   millimetres.
 """
 
@@ -95,7 +95,7 @@ class Episode(NamedTuple):
         last: number of its last step.
         is_grip: whether it is a gripper action.
         state: of the hand.
-        waits_before: whether the rest before its first step belongs to what is before it.
+        waits_before: whether the rest before its first step belongs to the previous episode.
     """
 
     first: int
@@ -237,9 +237,9 @@ class BetweenArms(ClearanceChecker):
         return BetweenArms, self._both
 
     def in_exchange(self, name: str) -> Indices:
-        """The numbers of the pairs of a body in one hand with the other hand, and what that holds.
+        """Indices of the pairs of a body in one hand with the other hand and the bodies it holds.
 
-        A hand is what moves with the last joint of its arm.
+        A hand comprises all shapes that move with the last joint of its arm.
         """
         are_in = np.zeros(len(self.checked.pairs), dtype=np.bool_)
         for side, other in ((0, 1), (1, 0)):
@@ -345,7 +345,7 @@ class Across:
         return self._obstacles[at, extra_m]
 
     def first_hit_s(self, plan: TwoArmPlan, step_s: float, room_m: float) -> float | None:
-        """The first of samples of a plan at which the arms are too close; None without any.
+        """The first sampled time at which the arms are too close, s; None if there is none.
 
         Args:
             plan: the plan.

@@ -1,10 +1,10 @@
-"""Coordination: which arm waits for the other, as each goes along its own way.
+"""Coordination: which arm waits for the other while each follows its own path.
 
-All pairs of a time of the left arm's cycle and a time of the right one's form a grid. At some pairs
-the arms keep clear of each other, at others distances are missing. Both arms' progress is a way
-through that grid (O'Donnell and Lozano-Perez, "Deadlock-free and collision-free coordination of two
-robot manipulators", ICRA 1989). The one with the smallest sum of time and missing distances is a
-guess of the joint program.
+A time of the left arm's cycle and a time of the right arm's cycle are a point of a grid. At some
+points the arms are clear of each other, at others they are too close. The progress of both arms is
+a path through that grid (O'Donnell and Lozano-Perez, "Deadlock-free and collision-free coordination
+of two robot manipulators", ICRA 1989). The path with the smallest sum of time and missing distances
+is a guess for the joint program.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ STEP_S = 0.1
 """Between two times of a cycle."""
 
 STAYING_S = 0.05
-"""Cost of a step in which an arm stays where it would move: it rather waits at rest."""
+"""Cost of a step in which an arm pauses during a motion, so that it waits at rest instead."""
 
 MISSING_SHARE, AT_REST_SHARE = 0.25, 4.0
-"""Share of the program's cost of missing distances: with all of it, one arm waits for what the
-program leads it around, and the motions that are found take longer; and the share where both arms
-rest, as the program does not see there that it helps to be elsewhere at that time."""
+"""Factors of the program's cost of missing distances. With the full cost, an arm waits where the
+program could lead it around the other one, and the motions that are found take longer. Where both
+arms rest, the cost is greater, as the program does not see that being elsewhere then would help."""
 
 
 class Guess(NamedTuple):

@@ -3,12 +3,12 @@
 Tried in this order, until a plan is proven:
 
 1. Each arm's own fastest cycle, both from the beginning, or one of them a little later.
-2. The joint program (`planner.two_arms.program`), from the best coordination of both cycles
-   (`planner.two_arms.coordination`), and from the shortest delay of one arm's start that is clear;
-   where the arms are in each other's way in any coordination, first from both cycles at once, which
-   seldom leads anywhere, but then to the fastest motions.
-   Where the arms block each other at their ends, an arm that is done goes on to where it does not,
-   as a further motion of the program.
+2. The joint program (`planner.two_arms.program`), with these guesses: the best coordination of both
+   cycles (`planner.two_arms.coordination`), and the shortest clear delay of one arm's start. If no
+   coordination is nearly clear, the first guess is both cycles without waits: it seldom leads to a
+   solution, but if it does, to the fastest one.
+   Where the arms block each other at their ends, an arm that is done moves out of the way, as a
+   further motion of the program.
 3. Both own cycles with that delay.
 4. In turn: one arm stands still while the other moves, in the better order. An arm that stands in
    the way withdraws.

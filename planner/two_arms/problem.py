@@ -72,8 +72,8 @@ class Requirements:
         Args:
             manipulator: the arm, whose shapes leave out no arm.
             state: of the robot and all bodies.
-            without: for a world without the other arm, the bodies that are not in it, either; None
-                for one with that arm, which stands still, and all bodies.
+            without: for a world without the other arm, names of the bodies to leave out as well;
+                None for a world with all bodies and the other arm, which stands still.
         """
         q_others = manipulator.robot.configuration(dict(state.joints))
         shapes, scene = manipulator.shapes, state.scene
@@ -115,9 +115,10 @@ class ArmCycle:
         *,
         in_air: InAir | None = None,
     ) -> ArmCycle:
-        """The fastest cycle of a task, without the other arm and some bodies (`Requirements`).
+        """The fastest cycle of a task, without the other arm and some bodies.
 
-        At the end that is `in_air`, the other hand holds the body, too.
+        `without` is that of `Requirements.request`. At the end that is `in_air`, the other hand
+        holds the body as well.
         """
         request = requirements.request(manipulator, state, without)
         plan, search = searched(replace(request, in_air=in_air), task)
@@ -338,8 +339,8 @@ class StepSequence:
     def add_cycle(self, side: str, task: PickAndPlace) -> None:
         """Add a cycle of one arm while the other stands still.
 
-        Where that one is in the way, it withdraws before. Raises NoSolutionError when there is no
-        such cycle.
+        If no cycle is found, the other arm first withdraws to neutral. Raises NoSolutionError when
+        there is no cycle then, either.
         """
         plan = self._sought(side, task)
         if plan.failure is not None:
@@ -357,8 +358,8 @@ class StepSequence:
     def planned(self, in_turn: str = "") -> TwoArmPlan:
         """The plan of all steps, proven as a whole.
 
-        Raises NoSolutionError when it is not proven, or a body stands on one that the other arm
-        handles, without which it would fall in this arm's own world.
+        Raises NoSolutionError when the plan is not proven, or when a body stands on one that the
+        other arm handles: the arm's own world lacks the latter, so the body would fall there.
         """
         try:
             plans = {side: self._completed(side) for side in LIMBS}

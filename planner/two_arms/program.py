@@ -5,16 +5,17 @@ obstacles, and a wait, zero or more, before each motion that begins at rest. The
 least the sum of durations, waits and gripper actions of each track. The objective is M, plus a
 small share of all durations and waits, so that the arm that ends first is determined, too.
 
-The tracks share no grid of time. At instants t of the common clock the nearest pairs of both arms
-are bounded,
+The tracks have no common time grid. At instants t of the common clock, the distances of the nearest
+pairs of shapes of both arms are constrained,
 
     s_L . q_L(t) + s_R . q_R(t) + c + shortfall >= 0,     q(t) = W(u) y + v (t - tau),
 
-where y are controls of an arm; in the last solution it is at t at the fraction u of a phase, with
-velocity v; and tau is the time at which it now is at that fraction: the sum of the waits, durations
-and gripper actions before, and u of the phase's own duration. So each row is linear in controls,
-durations and waits of both arms. As the distances are linearised, a solution holds near the motions
-at which they were; `planner.two_arms.rounds` solves the program repeatedly.
+where y are the controls of an arm; u is the fraction of a phase that the arm has reached at t in
+the last solution, and v its velocity there; and tau is the time at which the arm reaches the same
+fraction in the new solution: the sum of all previous waits, durations and gripper actions, plus u
+times the duration of the phase. So each row is linear in controls, durations and waits of both
+arms. The linearised distances are valid only near the motions at which they were measured, so
+`planner.two_arms.rounds` solves the program repeatedly.
 """
 
 from __future__ import annotations
@@ -48,28 +49,28 @@ from planner.splines import Sketch, rates_at, trajectory_of, weights_at
 from planner.two_arms.across import Across
 
 INSTANTS, PAIRS = 240, 3
-"""Number of instants of the clock at which the arms keep clear of each other, and of pairs at each:
-the nearest ones. In motions of 6 to 9 s these are 25 to 40 ms apart: hands that pass each other
-move by up to 10 cm meanwhile, which the proof may refuse."""
+"""Number of instants of the clock at which the distance between the arms is constrained, and of the
+nearest pairs at each. In motions of 6 to 9 s the instants are 25 to 40 ms apart: hands that pass
+each other move by up to 10 cm in between, so the proof may refuse a solution."""
 
 SHORTFALL_PER_M = motion_program.SHORTFALL_PER_M * 140 / INSTANTS
-"""Cost of a metre that is missing between the arms at an instant, in units of time: one that is
-missing for a while costs as much as with the 140 instants for which it was chosen."""
+"""Cost per metre of missing distance between the arms at one instant, in units of time. Scaled such
+that a shortfall of some duration costs as much as with the 140 instants that it was chosen for."""
 
 OWN_REACH_M = 0.05
-"""An arm's own obstacles are constrained when they are nearer: it keeps clear of them before the
-other arm is there, and there are many rounds."""
+"""Distance below which an arm's own obstacles are constrained. It can be short, because the arm's
+own cycle is already clear of them, and there are many rounds."""
 
 TOLERATED_M = 0.002
-"""Excess of a distance below zero that counts as nothing when motions are judged: much less than
+"""Negative excess of a distance that is tolerated when motions are compared: much less than
 `EXTRA_MARGIN_M`. A step along linearised distances always loses some tenths of a millimetre."""
 
 OWN_SHARE = 0.02
 """Weight of all durations and waits in the objective."""
 
 OPTIONS = {"ipopt.max_iter": 150, "ipopt.mu_init": 3e-2}
-"""Of the solver. Its first barrier parameter is greater than with one arm, because guesses are
-farther from the solution: a quarter fewer iterations."""
+"""Options of the solver. The initial barrier parameter is greater than for one arm, because guesses
+are farther from the solution; this saves a quarter of the iterations."""
 
 TRUST_SHARE = 0.35
 """Maximum relative change of a duration; twice that, as a share of the longest phase, is the
@@ -208,7 +209,7 @@ class Solution(NamedTuple):
 
 
 class Clock:
-    """When one track is where.
+    """The schedule of one track on the common clock.
 
     Attributes:
         begins_s: when each phase begins to move, shape (phases,), s.
@@ -284,7 +285,7 @@ class JointProgram:
     """
 
     def __init__(self, arms: tuple[ArmTrack, ArmTrack], across: Across) -> None:
-        """Store the tracks, left and right, and what both keep from each other."""
+        """Store the left and right tracks, and the collision geometry of both arms."""
         self.arms, self._across = arms, across
         counts = [each.track.program.unknowns.count for each in arms]
         shortfalls = [sum(phase.intervals for phase in each.phases) for each in arms]
@@ -310,7 +311,7 @@ class JointProgram:
         return tuple(arm.timed(motions, waits_s) for arm, motions, waits_s in each)
 
     def resampled(self, guess: Sequence[Timed]) -> tuple[Timed, ...]:
-        """A guess with other numbers of intervals as one of this program."""
+        """A guess, resampled to the numbers of intervals of this program."""
         found = []
         for arm, (sketches, waits_s) in zip(self.arms, guess, strict=True):
             limits = arm.track.limits
@@ -350,11 +351,11 @@ class JointProgram:
         return found
 
     def clocks(self, guess: Sequence[Timed]) -> list[Clock]:
-        """When each track is where."""
+        """The schedule of each track on the common clock."""
         return [Clock(arm, timed) for arm, timed in zip(self.arms, guess, strict=True)]
 
     def _by_state(self, episodes: Sequence[Indices]) -> Iterator[tuple[Obstacles, Indices]]:
-        """Numbers of the places at which both hands have the same states, with the obstacles."""
+        """The obstacles of each pair of hand states, and the indices at which that pair occurs."""
         kinds, kind = np.unique(np.stack(episodes, axis=1), axis=0, return_inverse=True)
         for number, (left, right) in enumerate(kinds.tolist()):
             near = self._across.obstacles((left, right), EXTRA_MARGIN_M)
@@ -465,9 +466,9 @@ class JointProgram:
         return NearPairs(*map(np.concatenate, zip(*found, strict=True)))
 
     def _passed(self, side: int, phase: Indices, u: FloatArray) -> tuple[Indices, FloatArray]:
-        """Durations and waits of an arm, and which shares of them are before fractions of phases.
+        """Columns of an arm's durations and waits, and the share of each that has passed.
 
-        Their numbers have the shape (k,), the shares (m, k).
+        The columns have shape (k,), the shares at the given fractions of phases shape (m, k).
         """
         arm = self.arms[side]
         T = self._firsts[side] + arm.track.program.unknowns.durations

@@ -6,9 +6,9 @@ the program weighs them. Of several steps towards a solution, the first one with
 taken; if there is none, the trust region shrinks. Without this, arms whose hulls overlap by
 centimetres jump through each other, as the hulls' distances then point to the other side.
 
-First, phases have half as many intervals: that takes a third of the time, and decides which arm
-passes first and where. Then all intervals are solved for, and, where an arm leaves a line between
-knots, twice as many there.
+The first rounds use half as many intervals in each phase: they take a third of the time, and decide
+which arm passes first, and where. The next rounds use all intervals, and, in phases in which an arm
+leaves a line between knots, twice as many.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ COARSE = 0.5
 """Share of the intervals that are solved for first."""
 
 MAX_COARSE, MAX_FINE, MAX_REFINED = 14, 6, 3
-"""Maximum number of rounds with few intervals, and with all of them; and how often these are solved
-for again with more intervals on lines."""
+"""Maximum number of rounds with few intervals, and with all of them; and how often the latter are
+repeated with more intervals on lines."""
 
 JUDGED, HOPELESS = 4, 4.0
-"""After this number of rounds, motions are given up whose merit is greater than this multiple of
-their cost: hardly any of these became clear later."""
+"""After `JUDGED` rounds, the guess is abandoned if the merit exceeds `HOPELESS` times the cost:
+hardly any of these guesses led to clear motions later."""
 
 STEPS, GROWTH, SHRINKING, MIN_TRUST = (1.0, 0.5, 0.25), 1.5, 0.25, 0.03
-"""Steps towards a solution; factors of the trust region after a step, relative to it, and where
-none is good; and its minimum."""
+"""Step lengths to try towards a solution, as fractions. Factors of the trust region: after an
+accepted step, times that step, and where no step is accepted. Minimum of the trust region."""
 
 FINE_TRUST = 0.3
 """The trust region at first when a solution with few intervals is near."""
 
 LEAST_EXCESS_M = 0.0005 - EXTRA_MARGIN_M
-"""Minimum excess of motions that look clear: at the instants, hulls keep half a millimetre more
-than the required distance. The caller proves what is between."""
+"""Minimum excess of motions that look clear: at the sampled instants, hulls keep half a millimetre
+more than the required distance. The caller proves the motion between these instants."""
 
 SETTLED = 0.01
-"""Share of the merit by which it must fall for another round from motions that look clear."""
+"""Minimum relative decrease of the merit for another round, once the motions look clear."""
 
 
 def solutions(program: JointProgram, guess: Sequence[Timed]) -> list[Solution]:
@@ -91,8 +91,8 @@ class _Rounds:
 
         Args:
             most: maximum number of rounds.
-            needs_solution: whether one of them must be a solution. What is between two solutions
-                keeps limits and lines nearly, and is enough to begin with.
+            needs_solution: whether a solution of the program must look clear. Motions between two
+                solutions satisfy limits and lines only approximately, which is enough for a guess.
         """
         is_found = False
         for number in range(1, most + 1):

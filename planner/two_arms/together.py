@@ -103,9 +103,9 @@ def checked_problem(
     line_tolerance: LineTolerance,
     may_withdraw: bool,
 ) -> Problem:
-    """The problem that the arguments of `plan_together` state; its errors.
+    """Check arguments of `plan_together`, raise its errors, and build the problem from them.
 
-    `handled` has the names of the bodies that each arm handles.
+    `handled` contains the names of the bodies that each arm handles.
     """
     arms = dict(zip(LIMBS, both_of(manipulators), strict=True))
     expect(state, State, "state", TaskError)

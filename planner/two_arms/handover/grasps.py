@@ -1,10 +1,10 @@
 """Grasps of a handover: where both hands hold the body at once, without touching each other.
 
-Candidates of the giver are overhead grasps at the pick, those of the taker overhead grasps of the
-body with any of its axes upwards, from which the hand does not come from below at the place. Both
-are in the middle of the body, or towards its ends; there the taker's hand may lean outwards. First
-come pairs in which the taker's hand is above the body at the place, and of these those in which the
-hands are far apart.
+The giver's candidates are overhead grasps at the pick. The taker's are overhead grasps of the body
+turned with any of its axes upwards, except those in which the hand would point upwards at the
+place. Both are at the middle of the body or towards its ends, where the taker's hand may also lean
+outwards. Pairs are sorted: first those in which the taker's hand is above the body at the place,
+and among these, those with the greatest distance between the hands.
 """
 
 from __future__ import annotations

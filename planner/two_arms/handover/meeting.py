@@ -1,21 +1,22 @@
-"""Meetings: where both hands can be at a body in the air, and be there soon.
+"""Meetings: poses in the air at which both hands can hold the body, and which they reach soon.
 
-The unknowns are the configurations of the giver at the pick, where it hands the body over, and at
-the end of its line away from there; those of the taker at the beginning of its line, at the body,
-and at the place; and the durations of the four motions between the lines, as if each was straight
-in joint space, from rest to rest. In such a motion, a joint with limits v, a and j goes in
-the time t as far as
+The unknowns are the configurations of the giver at the pick, at the handover and at the end of its
+line away from it; those of the taker at the beginning of its line to the body, at the body and at
+the place; and the durations of the four motions between the lines. Each motion is taken as straight
+in joint space, from rest to rest. In such a motion of duration t, a joint with limits v, a and j
+moves by at most
 
     D(t) = j t^3 / 32               up to t = 4 a / j,
            a (t/2 - a/j) t / 2      up to t = 2 (v/a + a/j),
            v (t - v/a - a/j)        after that,
 
 or, where v is reached before a is, j t^3 / 32 up to t = 4 sqrt(v/j), and v (t - 2 sqrt(v/j)) then.
-So each motion has the rows |q_i' - q_i| <= D_i(t). The tips have their poses everywhere; at the
-meeting that of the taker is seen from the giver. Along a line, no joint turns far. The objective is
-the time when both are at the meeting, plus that of the taker's way to the place. The program is
-small and smooth, and converges from almost any guess in which both hands are near their poses.
-Obstacles are not in it: its solutions above different heights are candidates.
+So each motion has the rows |q_i' - q_i| <= D_i(t). Further rows fix the poses of the tips, at the
+meeting that of the taker relative to the giver, and limit the turn of each joint along a line. The
+objective is the time at which both hands are at the meeting, plus the duration of the taker's
+motion to the place. The program is small and smooth, and converges from almost any guess in which
+both hands are near their poses. It ignores obstacles, so it is solved for several minimum heights,
+and the solutions are candidates.
 """
 
 from __future__ import annotations

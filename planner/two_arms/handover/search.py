@@ -46,15 +46,15 @@ from planner.two_arms.together import DEFAULT_GRIP_S, checked_problem
 logger = logging.getLogger(__name__)
 
 MAX_PAIRS, AT_ONCE, MAX_MEETINGS, MAX_TRIED = 16, 2, 3, 8
-"""Maximum number of pairs of grasps; of those whose meetings are compared at once; of the meetings
-of each that are compared; and of meetings that are tried."""
+"""Maximum numbers: of pairs of grasps; of pairs whose meetings are compared with each other; of
+meetings for each pair; and of meetings for which a plan is tried."""
 
 LOOK_S, ROOM_M = 0.02, 1e-3
-"""Step of the times at which both arms are looked at before a proof, and distance that they keep
-there in addition to the margin, as the shapes of a simulation are a little thicker."""
+"""Time step of the samples at which the arms are checked before a proof, and distance that
+they keep there in addition to the margin, as the shapes of a simulation are a little thicker."""
 
 LEAVING = (0.0, 0.5, 1.0)
-"""Shares of the giver's line away that are past when the taker leaves, in the order of trial."""
+"""Fractions of the giver's retreat that are complete when the taker leaves, in order of trial."""
 
 
 class Candidate(NamedTuple):
@@ -222,7 +222,7 @@ class HandoverSearch:
     def _planned(self, candidate: Candidate) -> TwoArmPlan | None:
         """The plan of a handover at a meeting; None where there is none, with the reason.
 
-        At first both arms are there as the meeting has them, if that is clear; then in any way.
+        The configurations of the meeting are tried first, if they are clear; then any others.
         """
         for is_as_met in (True, False) if candidate.is_clear else (False,):
             for giver in self._givers(candidate, is_as_met=is_as_met):
@@ -238,7 +238,7 @@ class HandoverSearch:
         return None
 
     def _givers(self, candidate: Candidate, *, is_as_met: bool) -> Iterator[ArmCycle]:
-        """The giver's cycle; and one that leads around the taker, as that stands at first."""
+        """The giver's cycle; and one that avoids the taker at its initial configuration."""
         task, T_body_giver = self._task, candidate.grasps.T_body_giver
         giving = Giving(
             task.body,
@@ -254,7 +254,7 @@ class HandoverSearch:
     def _takers(
         self, candidate: Candidate, giver: ArmCycle, state: State, *, is_as_met: bool
     ) -> Iterator[ArmCycle]:
-        """The taker's cycle; and one that leads around the giver, as that stands at its end."""
+        """The taker's cycle; and one that avoids the giver at its final configuration."""
         task, T_body_taker = self._task, candidate.grasps.T_body_taker
         taking = Taking(
             task.body,
@@ -296,7 +296,7 @@ class HandoverSearch:
         return True
 
     def _handed(self, plan: Plan) -> State:
-        """Robot and bodies at first, but the body where the giver has released it."""
+        """The initial state, but with the body where the giver has released it."""
         release = next(step for step in plan if isinstance(step, Grip) and step.receiver)
         released = after(release, state_of(release), self._arms[0]).scene[self._task.body]
         state = self._problem.state

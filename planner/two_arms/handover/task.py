@@ -5,9 +5,9 @@ giver   open - approach - descend - close - retract - carry - (wait) - open - re
 taker   open - (wait) - approach - reach - close - (wait) - carry - descend - open - retract
 ```
 
-The giver stands still, with the body in the air, while the taker's hand comes along its own axis,
-closes on the body, and the giver's hand opens and leaves along its axis. So each arm by itself has
-a pick and place, one of whose ends is in the air.
+The giver holds the body still in the air. The taker's hand approaches along its own axis and closes
+on the body; then the giver's hand opens and retreats along its axis. So the task of each arm by
+itself is a pick and place with one end in the air.
 """
 
 from __future__ import annotations

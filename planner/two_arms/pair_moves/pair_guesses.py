@@ -33,8 +33,8 @@ from planner.motion.paths.straight_line import LineTolerance, StraightLine
 from planner.motion.program.guess import follow, stepped
 
 GOALS, MAX_GOALS_TRIED = 4, 16
-"""Number of guesses that end in other solutions of the goal; and of pairs of solutions that are
-clear, and tried for one."""
+"""Maximum number of guesses that end in other solutions of the goal, and of clear pairs of
+solutions that are tried for them."""
 
 RISES_M = (0.1, 0.2)
 """Heights over which the body is lifted in other guesses."""
@@ -94,7 +94,7 @@ class PairGuesses:
         return self.mover.arms[0].T_base_tip(self.q_start[:7]) * self.T_tips_body[0]
 
     def at(self, intervals: int, reasons: list[str]) -> Iterator[FloatArray]:
-        """Configurations at the knots, shape (n + 1, 14), that hardly leave the relative pose.
+        """Configurations at the knots, shape (n + 1, 14), that nearly keep the relative pose.
 
         Raises FreeMoveError where the straight line is proven out of reach.
         """
@@ -208,7 +208,7 @@ class PairGuesses:
             )
 
     def farthest_joint(self) -> str:
-        """The joint that all solutions of the goal have farthest from its start."""
+        """The joint whose start is farthest from its nearest value in any solution of the goal."""
         changes = [
             np.abs(found - q).min(axis=0)
             for found, q in zip(self.goals, np.split(self.q_start, 2), strict=True)

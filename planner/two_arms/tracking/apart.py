@@ -1,27 +1,28 @@
-"""Both arms apart, and both hands in one body, wherever the joints of both may be on the clock.
+"""Proofs that lagging arms keep clear of each other, and that hands in one body stay together.
 
-**Hands.** An arm goes through the states of its hand (`planner.two_arms.across.Episode`). On an arm
-that lags, a state may be there longer than its window of the clock: what the hand held before an
-action, until the action is over at the latest; what it holds after it, from when it begins at the
-earliest. So states overlap, and every state of one hand is proven with every state of the other
-that may occur at the same time.
+**Hands.** Each hand goes through successive states (`planner.two_arms.across.Episode`). On an arm
+that lags, a state may last longer than its window of the clock: the state before a gripper action
+may last until the action ends, and the state after it may begin as soon as the action begins. So
+states overlap, and every state of one hand is proven with every state of the other hand that may
+occur at the same time.
 
-**A body that is handed over** is held by the giver until that has opened, as by any other hand, and
-by the taker from when that begins to close: each moves it along with its arm, wherever that may be.
-From when the taker reaches for it until it leaves with it, the body and the other hand are an
-intended contact. Until the giver has opened, how far the hands may be off their places to each
-other is bounded instead, as for two hands in one body. After that the taker rests, settled, and the
-giver's own plan has the body where that was to bring it.
+**A body that is handed over** is held by the giver until its hand has opened, and by the taker as
+soon as its hand begins to close; each arm carries the body along, wherever the arm may be. From the
+taker's reach for the body until it leaves with it, contact between the body and the other hand is
+intended. Until the giver's hand has opened, the displacement of the hands relative to each other is
+bounded instead, as for any two hands in one body. After that, the taker rests, settled, and the
+giver's own plan has the body at its planned place.
 
-**Clocks.** What is sent to both arms at one tick is in force at times that differ by the skew at
-most. Where one arm is on the clock at an instant, the other may be anywhere that it is within that
-much of it. In a box of 14 joints, both arms may be anywhere in their boxes, independently.
+**Clocks.** Set-points that are sent to both arms at one tick take effect at times that differ by at
+most the skew. So while one arm is at an instant of the clock, the other one may be at any instant
+within the skew of it. In a box of 14 joints, both arms vary independently.
 
-**Two hands in one body** cannot be apart. Let x be where the second tip is planned, seen from the
-first one, at that instant. Where the second tip is off its place seen from the first hand, is where
-it is, less where the first hand carries x. In a box of joints, each of both points is bounded by
-that of the middle and a radius; what is common to both arms cancels out. A turn of the first hand
-counts, as it moves x. What this does to the body, or the fingers, is not proven.
+**Two hands in one body** cannot be clear of each other. Let x be the planned position of the second
+tip, seen from the first one, at that instant. The displacement of the second tip, seen from the
+first hand, is its position minus that of x as the first hand carries it. In a box of joints, each
+of these two points is bounded by its position at the middle, and a radius; displacements common to
+both arms cancel out. A rotation of the first hand counts, as it moves x. The effect on the body, or
+on the fingers, is not proven.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ class ApartTracking:
     """The proof of both arms against each other, with the hands in one state each.
 
     Attributes:
-        begin_s: on the clock, from when both states may be there.
-        end_s: until when they may be; infinite for all times after the last step.
+        begin_s: earliest time on the clock at which both states may occur.
+        end_s: latest such time; infinite for states that last beyond the last step.
         clearance_m: lower bound on the distance of both arms, with the bodies that they handle; not
             positive where that could not be proven.
         nearest: the smallest distance found where the arms may be, with its time since the
@@ -117,7 +118,7 @@ class _Exchange(NamedTuple):
 
 
 class _Extent(NamedTuple):
-    """When a state of a hand may be there, on the clock, and where its arm is settled meanwhile."""
+    """When a hand may be in a state, on the clock, and the interval in which its arm is settled."""
 
     begin_s: float
     end_s: float
@@ -302,14 +303,14 @@ def _extents(
     begins, ends = [0.0, *changes], [*changes, np.inf]
 
     def clip_of(number: int) -> Clip | None:
-        """Where the arm is settled in an action that states overlap in; None without one."""
+        """The settled interval of a gripper action, in which states overlap; None without one."""
         if not 0 <= number < len(episodes) or not episodes[number].is_grip:
             return None
         return clips[episodes[number].first]
 
     for number, episode in enumerate(episodes):
         before, after = clip_of(number - 1), clip_of(number + 1)
-        if episode.is_grip:  # until the arm is settled, the state before is there, if there is one
+        if episode.is_grip:  # until the arm is settled, a previous state, if any, applies
             is_later = number > 0 and not episodes[number - 1].is_grip
             yield _Extent(begins[number], ends[number], clip_of(number) if is_later else None)
             continue
@@ -371,7 +372,7 @@ def _prolonged(tube: JointTube, count: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _skewed(bounds: tuple[FloatArray, FloatArray], cells: int) -> tuple[FloatArray, FloatArray]:
-    """Bounds on what is there up to some cells earlier or later."""
+    """The hull of the bounds up to some cells earlier or later."""
     low, high = (
         np.lib.stride_tricks.sliding_window_view(
             np.pad(bound, ((cells, cells), (0, 0)), mode="edge"), 2 * cells + 1, axis=0

@@ -1,15 +1,15 @@
-"""One arm of a plan of both, which follows the common clock with a lag.
+"""One arm of a plan of both arms, which follows the common clock with a lag.
 
-Positions are bounded at each instant from the beginning at full speed, at which the clock is at
-that instant times the speed. `planner.motion.tracking_tube` has the theorem. The executor sends the
+Positions are bounded at each instant since the beginning, for a clock at full speed: its time is
+the instant times the speed. `planner.motion.tracking_tube` has the theorem. The executor sends the
 set-points of both arms for one time on the clock; an arm that has arrived does not wait until it
-has settled, except for its gripper. The tube is therefore that of the whole plan, rests included.
+has settled, except for its gripper. The tube therefore covers the whole plan, rests included.
 
-**The clock** goes at one rate, except that it waits for grippers: it must not pass the end of an
-action before that is done. It slows to rest as late as it can, and goes on to full speed likewise;
-while it slows, or comes to full speed again, it passes by `slowing_s` at most. So it is uneven at
-most for that long before and after the end of an action (`waits_of`). The clock is one for both
-arms, so both must be bounded by the waits for the grippers of both.
+**The clock** runs at a constant rate, except that it waits for grippers: it must not pass the end
+of an action before the action is done. It slows to rest as late as it can, and then accelerates to
+full speed; in each of these ramps, it advances by at most `slowing_s`. So its rate varies only
+within `slowing_s` before and after the end of an action (`waits_of`). As both arms share the clock,
+the bounds of each must allow for the waits for both grippers.
 
 **Fingers** act when their arm is measured as settled at its goal. While they may be acting, and the
 arm holds what it held before, it may be anywhere in its tube; once they have acted, it is as near
@@ -105,7 +105,7 @@ def waits_of(plan: TwoArmPlan, slowing_s: float) -> list[tuple[float, float]]:
 
     Args:
         plan: the plan.
-        slowing_s: by how much the clock passes at most while it slows to rest, or begins again.
+        slowing_s: maximum advance of the clock while it slows to rest, or starts again, s.
     """
     ends_s = [timed.end_s for timed in plan.steps if isinstance(timed.step, Grip)]
     return [(end_s - slowing_s, end_s + slowing_s) for end_s in ends_s]

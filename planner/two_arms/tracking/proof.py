@@ -1,19 +1,19 @@
-"""Tracking proof of a plan of both arms: wherever both arms may be as they lag, they are clear.
+"""Tracking proof of a plan of both arms: they are clear wherever they may be while they lag.
 
 Each arm by itself is proven as in `planner.pick_place.tracking`, in a world without the other arm
-and the bodies that only that handles, and then one arm against the other, with these bodies; both
-on the common clock (`clocked_arm`, `apart`).
+and the bodies that only the other arm handles; then the arms are proven against each other, with
+these bodies. Both proofs are on the common clock (`clocked_arm`, `apart`).
 
-The proof does not cover, besides what it says there of one arm:
+In addition to what `planner.pick_place.tracking` excludes for one arm, the proof does not cover:
 
 - a clock that slows for another reason than a gripper, as it does before a stop, and set-points
   that are late by more than `late_s` in total between two gripper actions, unless the minimum lag
   of both arms is zero;
 - actions of fingers that take longer on the clock than `grip_s`, which the executor prevents;
-- bodies in a hand that are elsewhere in it than planned: what the hands are off when one takes a
-  body from the other is bounded, but not added to where the body then is;
-- what the body, or the fingers, bear of how far hands are off in a body that both hold;
-- where an arm's own world has bodies that an arm that lags took or put down.
+- bodies that are displaced in a hand: the displacement of the hands at a handover is bounded, but
+  not added to the position of the body afterwards;
+- whether the body and the fingers withstand the displacement of two hands that hold one body;
+- displacements, in an arm's own world, of bodies that a lagging arm picked up or put down.
 """
 
 from __future__ import annotations
@@ -139,9 +139,9 @@ def prove_tracking_of_both(
             given. Their shapes leave out no arm.
         skew_s: maximum difference of the times at which both arms are on the common clock, up to
             `MAX_SKEW_S`.
-        slowing_s: by how much the common clock passes at most while it slows to rest for a gripper,
-            or begins again; above zero, as no clock stops at once, and up to the plan's `grip_s`,
-            which it is when not given.
+        slowing_s: maximum advance of the common clock while it slows to rest for a gripper, or
+            starts again, s; above zero, as no clock stops at once, and at most the plan's `grip_s`,
+            which is the default.
         margin_m: distance that every pair keeps wherever the joints may be, between the arms as
             well, except for intended contacts; not negative.
         most_off_m: maximum deviation of a hand from its path in moves with intended contacts.

@@ -1,23 +1,24 @@
 """Checks of a plan of both arms that lag behind their set-points, on the common clock.
 
-Each arm by itself, and one against the other, with all joints of each anywhere in a tube
-(`response_tube`) that covers the whole clock: set-points of both arms are sent for one time on it,
-and an arm that has arrived does not wait until it has settled. Around the end of a gripper action,
-the clock may pass at any lower rate, as it may wait.
+Each arm is checked by itself, and against the other arm. The joints of each may be anywhere in a
+tube (`response_tube`) that covers the whole clock: set-points of both arms are sent for one time on
+the clock, and an arm that has arrived does not wait until it has settled. Around the end of a
+gripper action, the clock may run at any lower rate, as it may wait.
 
-What a hand holds before an action may be held until the action is over, and what it holds after it
-from when it begins, by an arm that is then as near to its goal as settled joints are. So one arm's
-hand, from one change of it to the next, is compared with all that the other's does within that
-time, and within the skew of both clocks.
+A hand may keep its previous state until the end of a gripper action, and may have its next state as
+soon as the action begins; in the latter, the arm is as near to its goal as settled joints are. So
+each state of one hand is checked against all states of the other that may occur at the same time,
+up to the skew of both clocks.
 
-A body that is handed over goes with the giver until its hand is open, and with the receiver from
-when its hand begins to close. From the last step before it closes until it moves on, the body is
-not compared with the other hand, that is with what the last joint moves. Instead, the hands must
-not leave their places in the body, from then on until the giver's is open.
+A body that is handed over moves with the giver until its hand is open, and with the receiver as
+soon as the receiver's hand begins to close. From the receiver's last step before it closes until it
+moves on, the body is not checked against the other hand, that is, against all shapes that the last
+joint moves. Instead, from the same step until the giver's hand is open, the hands must keep their
+positions relative to each other, within a tolerance.
 
-How far two hands leave their places in one body is how far the tip of one is from where the wrist
-of the other carries its planned place. Both points are bounded by their places at the corners of
-boxes, and the sag of the lemma of `planner.certificate.boxes`.
+The displacement of two hands in one body is the distance of one tip from its planned position as
+the other wrist carries it. Both points are bounded by their positions at the corners of boxes, and
+the sag of the lemma of `planner.certificate.boxes`.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class BothLagging:
             timelines: of each arm by itself.
             responses: how each arm follows, and how it is sent, at one speed.
             skew_s: maximum difference of both arms' clocks.
-            slowing_s: by how much the clock passes at most while it slows to rest, or begins again.
+            slowing_s: maximum advance of the clock while it slows to rest, or starts again, s.
         """
         waits = [
             (begin_s + plan.grip_s - slowing_s, begin_s + plan.grip_s + slowing_s)
@@ -218,7 +219,7 @@ class _LaggingArm:
         timeline: Timeline,
         follows: tuple[Response, Sequence[tuple[float, float]]],
     ) -> None:
-        """Take its response, and the intervals of the clock in which that may wait."""
+        """Store the response, and the intervals in which the clock may wait; bound the joints."""
         response, waits = follows
         self._side, self._timeline, self._response = side, timeline, response
         self._steps, self._begins_s = plan.plans[side].steps, plan.begins_s[side]
@@ -286,7 +287,7 @@ class _LaggingArm:
             after = intervals[number + 1] if number + 1 < len(intervals) else None
             begin_s, end_s, act = now.begin_s, now.end_s, None
             if now.acts and before is not None and not before.acts:
-                act = self._act_of(now)  # until it is settled, what is before is there
+                act = self._act_of(now)  # until the arm is settled, the previous state applies
             elif not now.acts:
                 if before is not None and before.acts:
                     begin_s, act = before.begin_s, self._act_of(before)
@@ -404,7 +405,7 @@ class _LaggingArm:
 def _parts(
     movers: Sequence[tuple[Mover, Mover]], first: int, last: int, both: BothArms
 ) -> Iterator[tuple[int, int, list[tuple[Mover, Mover]]]]:
-    """What is to be compared in each part of some instants, by the numbers of its ends."""
+    """Split a range of instants at handovers: first and last instant, and the pairs to check."""
     if first > last:
         return
     clocks_s = {at for each in both.exchanges.values() for at in (each.reaches_s, each.leaves_s)}
@@ -428,9 +429,9 @@ def _parts(
 def _seen_from(
     one: _LaggingArm, other: _LaggingArm, steps: Indices
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the other tip is planned, seen from an arm's last joint: in the middles of steps.
+    """Planned positions of the other tip, seen from an arm's last joint, in the middle of steps.
 
-    Also how far it is from there at their ends; shapes (k, 3) and (k,), m.
+    Also their distance from the positions at the ends of the steps; shapes (k, 3) and (k,), m.
     """
     found = []
     for at in (steps, steps + 1):

@@ -3,8 +3,8 @@
 The positions that its joints may have are bounded by independent code (`response_tube`). Clearance
 there is proven by rows over boxes of joint angles: the prover finds them, and
 `planner.certificate.boxes` checks them, for the clusters and pairs of the plan's own certificate.
-Intended contacts are excluded, as the hand is off its path; the deviation of its tip is bounded by
-the same lemma.
+Intended contacts are excluded, because a lagging hand is off its path; instead, the deviation of
+its tip is bounded by the same lemma.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ REST_RAD_S = 1e-6
 """A move whose final speed is below this ends at rest."""
 
 TIP_S = 5e-3
-"""Plan time of a box in which the tip is checked."""
+"""Plan time covered by each box in which the tip is checked, s."""
 
 SINCE_REST = "after it last rested"
 
@@ -146,7 +146,7 @@ class Clearances:
         return self._steps.get(number)
 
     def found(self, step: Step, tube: ResponseTube, span: tuple[int, int], since: str) -> Worst:
-        """The smallest distance between two ends of steps of a tube, or why none is shown."""
+        """The smallest distance of a step's pairs in a span of a tube, or why none is proven."""
         pairs = [pair for pair in step.pairs if pair.is_counted]
         if not pairs:
             return Worst(np.inf, f"{step.label}, nothing to keep apart")

@@ -12,7 +12,8 @@ length g, with U the maximum set-point in that time, such a line has the slope
     (U - Y) / T_min  from a height Y below U, as s is steepest at the start, though only up to U,
     (U - Y) / (T_max + g)  from a height above U, which is the value of s where the line ends.
 
-Where plan time may pass at any lower rate, T_min is 0, and a lead between none and the whole one.
+Where plan time may pass at any lower rate, T_min is 0, and the lead is between zero and its full
+value.
 
 The planner's tube has exponentials in place of the line. Set-points are sampled at the ends of
 steps; in between they exceed these samples by at most their maximum speed times half a step.
@@ -34,7 +35,7 @@ STEP_S = 5e-4
 """Of plan time."""
 
 ROUNDING_RAD = 1e-6
-"""More than rounding, and jumps at knots of up to 1e-8 rad, may add."""
+"""Upper bound on rounding errors and on jumps at knots, which are up to 1e-8 rad."""
 
 MAX_RESTING_LAGS = 50
 """Number of maximum lags after which any arm has settled."""

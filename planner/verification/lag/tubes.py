@@ -1,4 +1,4 @@
-"""The smallest distance, and the places of a tip, wherever in a tube the joints may be."""
+"""Bounds over all joint positions in a tube: smallest distances, and positions of the tip."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ class TubeDistances:
     def least(self, pairs: Sequence[Pair], tube: Tube) -> Near | None:
         """The smallest distance of some pairs in a tube; None where too many rows are needed.
 
-        Its time is the number of an instant; a distance that is not shown is not positive.
+        The time is the number of an instant; a distance that could not be proven positive is
+        reported as not positive.
         """
         found = self._sought(pairs, tube)
         if found.outcome == Outcome.TOO_MUCH:

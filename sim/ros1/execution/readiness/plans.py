@@ -1,14 +1,15 @@
 """Checks of plans on the robot as it stands.
 
-`check_plan` checks a plan in the state that the robot reports: its own URDF, the other arm, the
-head and the fingers where they are. Where the arm does not stand at the start of the plan, a move
-to it is planned, proven and put before it. All conditions hold, or nothing is sent.
+`check_plan` checks a plan in the state that the robot reports: with its own URDF, and the other
+arm, the head and the fingers at their measured positions. If the arm is not at the start of the
+plan, a move to the start is planned, proven and prepended. Nothing is sent unless all conditions
+hold.
 
-A `TwoArmPlan` is checked with both arms where they are. Moves to its start are made one after the
-other, each past the other arm where that stands then, and become the first steps on its clock. It
-is proven again by `verify_both`, and the guard of each arm gets the clearances in a world without
-the other arm, as its own plan is proven there; what both arms keep from each other is the
-certificate's.
+A `TwoArmPlan` is checked with both arms at their measured positions. Moves to its start are made
+one after the other, while the other arm stands still, and become the first steps on its clock. The
+plan is proven again by `verify_both`. The guard of each arm uses the clearances in a world without
+the other arm, as each arm's own plan is proven there; the distance between the arms is that of the
+certificate.
 """
 
 from __future__ import annotations
@@ -76,10 +77,10 @@ PROVING = "proving clearance for every path within the tracking error; this take
 
 SOFT_SPEED = 0.3
 """Maximum speed of the move to a plan's start, relative to the limits, however fast the plan itself
-is carried out: nobody has asked for that move."""
+is executed, because the user did not request that move."""
 
 _LOG = logging.getLogger(__name__)
-"""Announces what takes seconds."""
+"""Announces operations that take seconds."""
 
 
 def check_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness[ReadyPlan]:
@@ -165,7 +166,7 @@ class _Check:
             raise _RefusedError("plan", str(cause)) from cause
 
     def _sent(self, plan: Plan, manipulator: Manipulator) -> ReadyPlan:
-        """What would be sent of a complete plan, where nothing is known of how the arm lags."""
+        """The plan ready to be sent, without bounds from a tracking proof."""
         clearances = self._clearances(plan, manipulator)
         parts = parts_of(plan, self._options.pace)
         motions = [part for part in parts if isinstance(part, SentMotion)]
@@ -220,7 +221,7 @@ class _Check:
     def _start_move(
         self, manipulator: Manipulator, state: State, q_start: FloatArray
     ) -> Move | str:
-        """A slow move from where the arm stands in a state to where it starts, or why none."""
+        """A slow move of the arm from a state to the plan's start, or the reason for none."""
         arm = manipulator.arm
         if state.holding(arm.side) is not None:
             return "and the hand is not empty"
@@ -244,7 +245,7 @@ class _Check:
         return f"a move to it takes {seconds(duration_s)}{proven}"
 
     def _clearances(self, plan: Plan, manipulator: Manipulator) -> tuple[MoveClearance, ...]:
-        """The clearances; those that leave the guard no room would stop the arm at once."""
+        """The clearances; refused if one is so small that the guard would stop the arm at once."""
         try:
             clearances = clearances_of(plan, manipulator)
         except BaxterError as cause:
@@ -392,8 +393,8 @@ class _TwoArmCheck(_Check):
             plan: the plan, complete.
             robot: the robot as it stands.
             ramp_s: how long the clock takes to slow to rest.
-            holds_together: whether both hands hold one body, which is not for arms that may lag in
-                any way.
+            holds_together: whether both hands hold one body; such a plan needs known responses,
+                except on a simulated robot.
         """
         known = {side: self._options.response_of(side) for side in LIMBS}
         responses = {side: of for side, of in known.items() if of is not None}

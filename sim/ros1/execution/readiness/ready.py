@@ -126,7 +126,7 @@ class ReadyPlan(OneLine):
         )
 
     def guarded(self) -> Iterator[str]:
-        """What each move is clear of, and what is excluded from that, a sentence each."""
+        """The clearance of each move and the contacts excluded from it, one sentence each."""
         for each in self.clearances:
             text = f"{each.label}: {clear(min(each.clear_m))}"
             if each.intended is not None:

@@ -28,7 +28,7 @@ FIRST_S = 3.0
 """Time limit for the robot's first message."""
 
 _LOG = logging.getLogger(__name__)
-"""Announces what takes seconds."""
+"""Announces operations that take seconds."""
 
 
 def check_robot(
