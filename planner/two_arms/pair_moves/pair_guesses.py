@@ -31,6 +31,7 @@ from planner.errors import FreeMoveError, StraightMoveError
 from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.paths.straight_line import LineTolerance, StraightLine
 from planner.motion.program.guess import follow, stepped
+from planner.two_arms.pair_moves.relative_pose import relative_poses
 
 GOALS, MAX_GOALS_TRIED = 4, 16
 """Maximum number of guesses that end in other solutions of the goal, and of clear pairs of
@@ -65,8 +66,8 @@ class CarriedLine:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PairGuesses:
-    """Guesses for one motion.
+class PairTask:
+    """A body in both hands, and where it goes.
 
     Attributes:
         context: of both arms and the body.
@@ -75,8 +76,6 @@ class PairGuesses:
         q_start: initial configuration, shape (14,), rad.
         T_tips_body: pose of the body, seen from each tip.
         goal: final pose of the body in base.
-        tolerance: of the line, where the body moves on a straight one; otherwise None.
-        goals: solutions of the goal of each arm, shape (n, 7) each.
     """
 
     context: CollisionContext
@@ -85,13 +84,31 @@ class PairGuesses:
     q_start: FloatArray
     T_tips_body: tuple[pin.SE3, ...]
     goal: pin.SE3
-    tolerance: LineTolerance | None
-    goals: tuple[FloatArray, ...]
 
     @property
     def start(self) -> pin.SE3:
         """Initial pose of the body in base."""
         return self.mover.arms[0].T_base_tip(self.q_start[:7]) * self.T_tips_body[0]
+
+    @property
+    def T_left_right(self) -> pin.SE3:
+        """The relative pose of the tips, which is that at the start."""
+        return pin.SE3(relative_poses(self.mover, self.q_start[None])[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairGuesses:
+    """Guesses for one motion.
+
+    Attributes:
+        task: the body and its goal.
+        tolerance: of the line, where the body moves on a straight one; otherwise None.
+        goals: solutions of the goal of each arm, shape (n, 7) each.
+    """
+
+    task: PairTask
+    tolerance: LineTolerance | None
+    goals: tuple[FloatArray, ...]
 
     def at(self, intervals: int, reasons: list[str]) -> Iterator[FloatArray]:
         """Configurations at the knots, shape (n + 1, 14), that nearly keep the relative pose.
@@ -102,7 +119,8 @@ class PairGuesses:
         eased = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         qs = None
         with suppress(StraightMoveError):  # half a turn
-            qs = self.followed([(StraightLine(self.start, self.goal), eased[1:])], reasons)
+            line = StraightLine(self.task.start, self.task.goal)
+            qs = self.followed([(line, eased[1:])], reasons)
             if qs is not None:
                 yield qs
         if self.tolerance is not None:
@@ -113,7 +131,7 @@ class PairGuesses:
 
     def lifted(self, eased: FloatArray) -> Iterator[FloatArray]:
         """The guesses that lift the body, carry it across, and lower it."""
-        top_m = max(T.translation[2] for T in (self.start, self.goal))
+        top_m = max(T.translation[2] for T in (self.task.start, self.task.goal))
         for rise_m in RISES_M:
             with suppress(StraightMoveError):
                 qs = self._lifted_to(top_m + rise_m, eased)
@@ -121,8 +139,8 @@ class PairGuesses:
                     yield qs
 
     def _lifted_to(self, height_m: float, eased: FloatArray) -> FloatArray | None:
-        over = [raised(T, height_m - T.translation[2]) for T in (self.start, self.goal)]
-        ends = [self.start, *over, self.goal]
+        over = [raised(T, height_m - T.translation[2]) for T in (self.task.start, self.task.goal)]
+        ends = [self.task.start, *over, self.task.goal]
         lengths = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(ends)]
         cuts = np.cumsum([0.0, *lengths]) / max(sum(lengths), 1e-9)
         parts = []
@@ -190,7 +208,7 @@ class PairGuesses:
         yielded = tried = 0
         for _, i, j in sorted(pairs):
             q_goal = np.concatenate([left[i], right[j]])
-            if not self.context.is_free(q_goal):
+            if not self.task.context.is_free(q_goal):
                 continue
             tried += 1
             qs = self.held_together(q_goal, eased)
@@ -211,19 +229,18 @@ class PairGuesses:
         """The joint whose start is farthest from its nearest value in any solution of the goal."""
         changes = [
             np.abs(found - q).min(axis=0)
-            for found, q in zip(self.goals, np.split(self.q_start, 2), strict=True)
+            for found, q in zip(self.goals, np.split(self.task.q_start, 2), strict=True)
         ]
         joint = int(np.concatenate(changes).argmax())
         arm, k = divmod(joint, len(changes[0]))
         solutions = f"{len(self.goals[arm])} sampled solutions"
-        return (
-            f"{self.limits.names[joint]} is {changes[arm][k]:.2f} rad or more from all {solutions}"
-        )
+        name = self.task.limits.names[joint]
+        return f"{name} is {changes[arm][k]:.2f} rad or more from all {solutions}"
 
     def held_together(self, q_goal: FloatArray, eased: FloatArray) -> FloatArray | None:
         """The way to a solution of the goal, corrected at each knot; None where that fails."""
-        T_left_right = self._T_left_right(self.q_start)
-        qs = [self.q_start]
+        T_left_right = self.task.T_left_right
+        qs = [self.task.q_start]
         for before, s in pairwise(eased.tolist()):
             ahead = qs[-1] + (q_goal - qs[-1]) * (s - before) / (1.0 - before)
             q = self._corrected(ahead, T_left_right)
@@ -234,7 +251,7 @@ class PairGuesses:
 
     def _corrected(self, q: FloatArray, T_left_right: pin.SE3) -> FloatArray | None:
         """The configuration nearby in which the hands have a relative pose, by least-norm steps."""
-        left, right = self.mover.arms
+        left, right = self.task.mover.arms
         for _ in range(MAX_CORRECTIONS):
             own, other = np.split(q, 2)
             T_left = left.T_base_tip(own)
@@ -245,18 +262,15 @@ class PairGuesses:
             carried = left.jacobian(own)
             carried[:3] -= pin.skew(wanted.translation - T_left.translation) @ carried[3:]
             J = np.concatenate([-carried, right.jacobian(other)], axis=1)
-            q = stepped(q, J, error, self.limits)
+            q = stepped(q, J, error, self.task.limits)
         return None
-
-    def _T_left_right(self, q: FloatArray) -> pin.SE3:
-        left, right = self.mover.arms
-        return left.T_base_tip(q[:7]).actInv(right.T_base_tip(q[7:]))
 
     def _each_arm(self) -> Iterator[tuple[Arm, pin.SE3, JointLimits, FloatArray]]:
         """Each arm, the pose of the body seen from its tip, its limits and where it starts."""
-        each_limits = self.limits.part(slice(7)), self.limits.part(slice(7, 14))
+        task = self.task
+        each_limits = task.limits.part(slice(7)), task.limits.part(slice(7, 14))
         yield from zip(
-            self.mover.arms, self.T_tips_body, each_limits, np.split(self.q_start, 2), strict=True
+            task.mover.arms, task.T_tips_body, each_limits, np.split(task.q_start, 2), strict=True
         )
 
 

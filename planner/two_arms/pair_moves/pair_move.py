@@ -24,7 +24,7 @@ from baxter_kin.fields import array, frozen
 from baxter_kin.frames import PoseLike
 from baxter_kin.validation import FloatArray, expect
 from planner.clearance import ContinuousProof
-from planner.collision.context import SCREENING_STEP_RAD, CollisionContext, looks_clear
+from planner.collision.context import SCREENING_STEP_RAD, looks_clear
 from planner.collision.mover import Mover
 from planner.errors import FreeMoveError, MotionError, TaskError
 from planner.manipulator import Manipulator, both_of, context_of_both, limits_of_both
@@ -47,11 +47,10 @@ from planner.scene.contact import PartContact
 from planner.splines import Sketch
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.two_arms.pair_moves.pair_guesses import PairGuesses, goal_solutions
+from planner.two_arms.pair_moves.pair_guesses import PairGuesses, PairTask, goal_solutions
 from planner.two_arms.pair_moves.relative_pose import (
     RelativeDeviation,
     relative_deviation,
-    relative_poses,
 )
 
 INTERVALS, MAX_DOUBLINGS = 24, 2
@@ -173,27 +172,15 @@ def _held_by_both(state: State) -> tuple[str, tuple[tuple[str, pin.SE3], tuple[s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Carry:
+class _Carry(PairTask):
     """The problem of one motion.
 
     Attributes:
-        context: of both arms and the body.
-        limits: of 14 joints.
-        mover: the arms, with the links that hold the body as their tips.
-        q_start: initial configuration, shape (14,), rad.
-        T_tips_body: pose of the body, seen from each tip.
-        goal: final pose of the body in base.
         is_straight: whether the body moves on a straight line.
         upright: the axis of the body that stays upright, or None.
         tolerance: of the relative pose, and of the line.
     """
 
-    context: CollisionContext
-    limits: JointLimits
-    mover: Mover
-    q_start: FloatArray
-    T_tips_body: tuple[pin.SE3, ...]
-    goal: pin.SE3
     is_straight: bool
     upright: Upright | None
     tolerance: LineTolerance
@@ -202,16 +189,6 @@ class _Carry:
     def left(self) -> Arm:
         """The arm that carries the body's frame."""
         return self.mover.arms[0]
-
-    @property
-    def start(self) -> pin.SE3:
-        """Initial pose of the body in base."""
-        return self.left.T_base_tip(self.q_start[:7]) * self.T_tips_body[0]
-
-    @property
-    def T_left_right(self) -> pin.SE3:
-        """The relative pose of the tips, which is that at the start."""
-        return pin.SE3(relative_poses(self.mover, self.q_start[None])[0])
 
     def check_start(self, body: str) -> None:
         """Refuse a start in which the hands hold the body elsewhere, that collides, or leans."""
@@ -235,16 +212,8 @@ class _Carry:
             proof = self.proof(stay, reasons)
             if proof is not None:
                 return stay, self.deviation(stay), proof
-        guesses = PairGuesses(
-            context=self.context,
-            limits=self.limits,
-            mover=self.mover,
-            q_start=self.q_start,
-            T_tips_body=self.T_tips_body,
-            goal=self.goal,
-            tolerance=self.tolerance if self.is_straight else None,
-            goals=goal_solutions(self.mover, self.T_tips_body, self.goal),
-        )
+        goals = goal_solutions(self.mover, self.T_tips_body, self.goal)
+        guesses = PairGuesses(self, self.tolerance if self.is_straight else None, goals)
         line = StraightLine(self.start, self.goal) if self.is_straight else None
         intervals = INTERVALS
         if line is not None:

@@ -11,7 +11,7 @@ from baxter_kin.validation import FloatArray
 from planner import Manipulator, State, context_of_both, limits_of_both
 from planner.collision.mover import Mover
 from planner.motion.paths.straight_line import DEFAULT_TOLERANCE
-from planner.two_arms.pair_moves.pair_guesses import PairGuesses, goal_solutions
+from planner.two_arms.pair_moves.pair_guesses import PairGuesses, PairTask, goal_solutions
 from tests.conftest import at
 from tests.planner.two_arms.pair_moves import carries
 
@@ -34,16 +34,8 @@ def guesses_of(manipulators: dict[str, Manipulator], state: State) -> PairGuesse
         arm.T_base_tip(own).actInv(half) for arm, own in zip(arms, np.split(q, 2), strict=True)
     )
     goal = at(0.0, 0.0, 0.05) * half
-    return PairGuesses(
-        context=context_of_both(manipulators, state),
-        limits=limits,
-        mover=Mover(arms),
-        q_start=q,
-        T_tips_body=tips,
-        goal=goal,
-        tolerance=DEFAULT_TOLERANCE,
-        goals=goal_solutions(Mover(arms), tips, goal),
-    )
+    task = PairTask(context_of_both(manipulators, state), limits, Mover(arms), q, tips, goal)
+    return PairGuesses(task, DEFAULT_TOLERANCE, goal_solutions(task.mover, tips, goal))
 
 
 def relative(robot: Baxter, q: FloatArray) -> pin.SE3:
@@ -53,11 +45,11 @@ def relative(robot: Baxter, q: FloatArray) -> pin.SE3:
 def test_the_way_to_another_goal_keeps_the_relative_pose(
     robot: Baxter, guesses: PairGuesses
 ) -> None:
-    wanted = relative(robot, guesses.q_start)
+    wanted = relative(robot, guesses.task.q_start)
     q_goal = np.concatenate(
         [
             found[np.abs(found - q).max(axis=1).argmin()]
-            for found, q in zip(guesses.goals, np.split(guesses.q_start, 2), strict=True)
+            for found, q in zip(guesses.goals, np.split(guesses.task.q_start, 2), strict=True)
         ]
     )
     qs = guesses.held_together(q_goal, EASED)
