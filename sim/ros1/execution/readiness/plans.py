@@ -18,6 +18,7 @@ import logging
 import math
 from collections.abc import Mapping
 from itertools import permutations
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -134,16 +135,20 @@ class _RefusedError(Exception):
         super().__init__(text)
 
 
-class _Check:
+PlanT = TypeVar("PlanT", Plan, TwoArmPlan)
+
+
+class _Check(Generic[PlanT]):
     """What the checks of a plan of one arm and of both have in common.
 
     Each condition adds a finding, and the first that fails ends the check.
     """
 
     def __init__(
-        self, link: BaxterLink, options: ExecutionOptions, findings: list[Finding]
+        self, link: BaxterLink, plan: PlanT, options: ExecutionOptions, findings: list[Finding]
     ) -> None:
         self._link, self._options, self._findings = link, options, findings
+        self._plan: PlanT = plan
 
     def _found(self, name: str, text: str) -> None:
         self._findings.append(Finding(name, True, text))
@@ -284,14 +289,8 @@ class _Check:
             )
 
 
-class _PlanCheck(_Check):
+class _PlanCheck(_Check[Plan]):
     """The check of a plan of one arm."""
-
-    def __init__(
-        self, link: BaxterLink, plan: Plan, options: ExecutionOptions, findings: list[Finding]
-    ) -> None:
-        super().__init__(link, options, findings)
-        self._plan = plan
 
     def ready(self) -> ReadyPlan:
         """What would be sent."""
@@ -350,14 +349,8 @@ class _PlanCheck(_Check):
         return None
 
 
-class _TwoArmCheck(_Check):
+class _TwoArmCheck(_Check[TwoArmPlan]):
     """The check of a plan of both arms."""
-
-    def __init__(
-        self, link: BaxterLink, plan: TwoArmPlan, options: ExecutionOptions, findings: list[Finding]
-    ) -> None:
-        super().__init__(link, options, findings)
-        self._plan = plan
 
     def ready(self) -> ReadyTwoArmPlan:
         """What would be sent."""
